@@ -150,7 +150,7 @@ OTHERS = {
     "LATIN_GROUP_LEVELS": ("levels", "3^8 subdomains a side, and the last level is small from 3^3 on."),
     # time and memory, the same iterations
     **FACTORS,
-    "LATIN_FIRM": (
+    "LATIN_INVERSE_FIRM": (
         "`LATIN_MECHANISM`",
         "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
     ),
@@ -190,15 +190,15 @@ OTHERS = {
         "Tensions of rigid links are a sum of tens of rounded terms.",
     ),
     "LATIN_COLLAPSE_STEPS": ("steps", "A bound: what is found takes 3 to 31 steps."),
-    "LATIN_COLLAPSE_SOFT": (
+    "LATIN_COLLAPSE_REGULARISATION": (
         "of the metric",
         "With 1e-8 bars and taut cables that work together are met slowly: a network of 19,000 unknowns takes no end.",
     ),
-    "LATIN_COLLAPSE_SOFTER": (
+    "LATIN_COLLAPSE_REGULARISATION_GROWS": (
         "ratio",
         "With 1e-10 alone 9 of 3,000 random structures are a mechanism to rounding, with 1e-8 none.",
     ),
-    "LATIN_COLLAPSE_BACK": ("part of the way", "What interior-point methods take as a rule."),
+    "LATIN_COLLAPSE_LENGTH": ("part of the way", "What interior-point methods take as a rule."),
     "LATIN_COLLAPSE_TENSION": (
         "tensions of bars",
         "Forces of such tensions round to a millionth of the loads; beyond 1e12 no solution has four digits.",
@@ -221,9 +221,9 @@ OTHERS = {
         "of a row",
         "A row that others make up to half of the digits adds nothing that they do not bear.",
     ),
-    "LATIN_CONE_BORNE": ("of the load", "Less leaves a proof, with tensions of 1e10 those of bars, no digit."),
+    "LATIN_CONE_RESIDUAL": ("of the load", "Less leaves a proof, with tensions of 1e10 those of bars, no digit."),
     "LATIN_CONE_SIGN": ("of the load", "Products of 96 rounded terms: an unknown less than that has no sign."),
-    "LATIN_CONE_TURNS": ("times the links", "A bound on a method that comes to its end by itself but for rounding."),
+    "LATIN_CONE_CHANGES": ("times the links", "A bound on a method that comes to its end by itself but for rounding."),
     "LATIN_COLLAPSE_START": (
         "of bars",
         "Five networks and two grids take 14 to 28 steps, with 1 they take 13 to 41, with 100 16 to 24.",
@@ -453,7 +453,7 @@ OTHERS = {
         "of the diagonal",
         "The last shift: 1 to 100 are no different on 12 rows of pressed bars, whose stiffnesses are down to -2.3.",
     ),
-    "LATIN_ONLY": (
+    "LATIN_INVERSE_STEPS": (
         "steps",
         "Of inverse iteration: 10 show a negative stiffness of 11 of 12 rows of pressed bars, 2 to 5 of 9, one of 6.",
     ),

@@ -47,27 +47,27 @@ def _number(name, names, value):
 
 
 def set_partition(solver: Solver, subdomain: ArrayLike) -> None:
-    """Give every link its subdomain, in place of METIS; collective, before the set-up.
+    """Set the subdomain of each link, in place of METIS; collective, before the set-up.
 
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, with a `Structure` attached. Of a TS, take ``ts.getSNES()``.
     subdomain : (m,) array_like of int
-        The same on every rank, counted from 0 without gaps; of a `LocalStructure` of this rank's links.
+        The same on every rank, numbered from 0 without gaps; with a `LocalStructure` that of this rank's links.
     """
     _latin.set_partition(solver, native(slices_of(solver).partition("subdomain", subdomain), PETSc.IntType))
 
 
 def set_partitioner(solver: Solver, partitioner: str) -> None:
-    """Choose who makes a partition, ``-snes_latin_partitioner``; not collective, before the set-up.
+    """Choose the partitioner, ``-snes_latin_partitioner``; not collective, before the set-up.
 
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     partitioner : {"auto", "metis", "parallel"}
-        METIS on one rank, which then holds all links; PT-Scotch or ParMETIS on all ranks; ``"auto"``: METIS on one
+        METIS on one rank, which gathers all links; PT-Scotch or ParMETIS on all ranks; ``"auto"``: METIS on one
         rank and for a million links or less.
     """
     _latin.set_partitioner(solver, _number("partitioner", PARTITIONERS, partitioner))
@@ -81,13 +81,13 @@ def set_subdomains(solver: Solver, subdomains: int) -> None:
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     subdomains : int
-        Of a structure, or to which the pieces of a MATIS are joined. 0: automatic.
+        Of a structure, or into which the pieces of a MATIS are merged. 0: automatic.
     """
     _latin.set_subdomains(solver, subdomains)
 
 
 def set_variant(solver: Solver, variant: str) -> None:
-    """Choose what of interfaces is in the coarse problem, ``-snes_latin_variant``; not collective, before the set-up.
+    """Choose the interface dofs in the coarse problem, ``-snes_latin_variant``; not collective, before the set-up.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def set_variant(solver: Solver, variant: str) -> None:
         Of type latin.
     variant : str
         Of weak interfaces, section 4 of the article: ``"none"``, ``"macro"``, ``"corner"`` or ``"published"``; of all:
-        ``"primal"``. ``"auto"``: ``"primal"``, or ``"corner"`` where most subdomains repeat others.
+        ``"primal"``. ``"auto"``: ``"primal"``, or ``"corner"`` if most subdomains repeat others.
     """
     _latin.set_variant(solver, _number("variant", VARIANTS, variant))
 
@@ -110,8 +110,8 @@ def set_modes(solver: Solver, modes: str, local: float | None = None) -> None:
     modes : str
         ``"affine"`` or ``"rigid"``.
     local : float, optional
-        Threshold of local low-energy fields that are macro (``-snes_latin_modes_local``), 0: none. Automatic when not
-        given.
+        Eigenvalue threshold of local low-energy fields in the macro space (``-snes_latin_modes_local``), 0: none.
+        Default: automatic.
     """
     _latin.set_modes(solver, _number("modes", MODES, modes), PETSc.DEFAULT if local is None else local)
 
@@ -126,22 +126,22 @@ def set_direction(solver: Solver, direction: str, value: float = 0.0) -> None:
     direction : str
         ``"scalar"``, ``"diagonal"``, ``"block"``, ``"schur"`` or ``"auto"``.
     value : float, optional
-        Of a scalar direction its stiffness d (N/m), of the others the fraction of the interface stiffness; 0:
-        automatic. The fraction, or d relative to the stiffness of the interfaces, is between 1e-10 and 1e10 (single
-        precision: 1e-4 and 1e4); others are refused, here or at the set-up.
+        Scalar direction: stiffness d (N/m); others: fraction of the interface stiffness; 0: automatic. The fraction,
+        or d relative to the stiffness of the interfaces, is between 1e-10 and 1e10 (single precision: 1e-4 and 1e4);
+        others are refused, here or at the set-up.
     """
     _latin.set_direction(solver, _number("direction", DIRECTIONS, direction), value)
 
 
 def set_precision(snes: PETSc.SNES, precision: str) -> None:
-    """Choose the precision of factors that linear stages correct, ``-snes_latin_precision``; not collective.
+    """Choose the precision of factors, ``-snes_latin_precision``; linear stages correct their rounding; not collective.
 
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
         Of type latin, before the set-up.
     precision : str
-        ``"double"``; ``"single"``: where the test at set-up allows it; ``"auto"``: the same, for large factors alone.
+        ``"double"``; ``"single"``: if accurate enough, tested at set-up; ``"auto"``: the same, for large factors only.
     """
     _latin.set_precision(snes, _number("precision", PRECISIONS, precision))
 

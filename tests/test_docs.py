@@ -47,7 +47,7 @@ def test_manual_pages_become_markdown():
     assert (
         "{c:function} PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal value)" in text
     )
-    assert "- `type`: how much of the stiffness" in text
+    assert "- `type`: approximation of the stiffness" in text
     assert "of interfaces, is between 1e-10 and 1e10" in text.replace("\n", " ")  # an item of two lines
     assert "Level" not in text
     macro = c_pages.markdown("LatinGetStatistics", *functions["LatinGetStatistics"], functions)

@@ -59,7 +59,7 @@ def test_the_text_of_an_error_is_its_sentence():
     with pytest.raises(latinpc.LatinError) as caught:
         latinpc.Structure(NODES, LINKS, law="friction", fixed=FIXED, load=LOAD, stiffness=0.0)
     error = caught.value
-    assert str(error).startswith("Link 0 is not part of a whole contact with friction")
+    assert str(error).startswith("Link 0 is not part of a complete contact with friction")
     with pytest.raises(PETSc.Error, match="foo"):
         PETSc.Mat().create().setType("foo")
     assert "\n" not in str(error)

@@ -132,7 +132,7 @@ def test_errors_of_the_library_are_translated(tmp_path):
     scene = latinpc.read(tables(tmp_path, 1e3))
     for said, expected in (
         ("Nodes that move (counted from 0): 2, 3 and others. Add", "Nodes that move: C, D and others. Add"),
-        ("Link 1 (contact) is between", "Link stay (contact) is between"),
+        ("Link 1 (contact) has", "Link stay (contact) has"),
         ("nodes 0 and 3 fall together", "nodes A and D fall together"),
         ("nodes 2, 3 and 5 more are not", "nodes C, D and 5 more are not"),
         ("3 subdomains share node 1: the", "3 subdomains share node B: the"),

@@ -294,9 +294,9 @@ def contact_with(**changes):
     ("changes", "words"),
     [
         ({"law": [5, 5]}, "followed by 1 of law tangent"),
-        ({"law": [6, 5]}, "Link 0 is not part of a whole contact"),
+        ({"law": [6, 5]}, "Link 0 is not part of a complete contact"),
         ({"links": [[0, 1], [1, 0]]}, "same two nodes in the same order"),
-        ({"direction": [[0.0, 1.0], [1.0, 1.0]]}, "not at right angles"),
+        ({"direction": [[0.0, 1.0], [1.0, 1.0]]}, "not orthogonal"),
         ({"friction": None}, "no coefficient"),
     ],
 )

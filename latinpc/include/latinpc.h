@@ -32,89 +32,89 @@ typedef enum {
 } LatinLawType;
 PETSC_EXTERN const char *const LatinLawTypes[];
 
-/* A law of the user's own, elastic: k is the stiffness that the link was given, x = e + e0 */
+/* An elastic law of the user: k is the stiffness of the link, x = e + e0 */
 typedef struct {
-  PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau, nowhere decreasing */
+  PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau, not decreasing with x */
   PetscReal (*tangent)(PetscReal k, PetscReal x, void *ctx);             /* an element of the generalised derivative */
   PetscReal (*energy)(PetscReal k, PetscReal x, void *ctx);              /* the potential whose derivative is the tension */
   PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y, void *ctx); /* tau - k e where tau + k e = y, or NULL */
   void *ctx;
 } LatinLawFunctions;
 
-/* What the coarse problem makes of the weak interfaces, section 4 of the article */
+/* Dofs of weak interfaces in the coarse problem, section 4 of the article */
 typedef enum {
   LATIN_VARIANT_NONE,      /* 4.1: micro quantities only               */
   LATIN_VARIANT_MACRO,     /* 4.2: the whole displacement is macro     */
   LATIN_VARIANT_CORNER,    /* 4.4: one displacement per node, section 5 */
   LATIN_VARIANT_PUBLISHED, /* the same with the micro springs of (28) on corners, as the article has them */
   LATIN_VARIANT_PRIMAL,    /* one displacement per node of every interface: no micro quantities but those of links */
-  LATIN_VARIANT_AUTO       /* primal, or corner where most subdomains repeat others */
+  LATIN_VARIANT_AUTO       /* primal, or corner if most subdomains repeat others */
 } LatinVariant;
 PETSC_EXTERN const char *const LatinVariants[];
 
-/* The macro fields of a strong interface, section 3.2 */
+/* Macro fields of a strong interface, section 3.2 */
 typedef enum {
   LATIN_MODES_AFFINE, /* translations, rotations, stretchings and shearing */
   LATIN_MODES_RIGID   /* translations and rotations */
 } LatinModesType;
 PETSC_EXTERN const char *const LatinModesTypes[];
 
-/* Who makes a partition where the caller gives none */
+/* Partitioner, unless the caller sets a partition */
 typedef enum {
-  LATIN_PARTITIONER_AUTO,    /* METIS; on several ranks parallel where one of them would hold too much */
+  LATIN_PARTITIONER_AUTO,    /* METIS; on several ranks parallel, if the structure is too large for one of them */
   LATIN_PARTITIONER_METIS,   /* METIS on one rank */
   LATIN_PARTITIONER_PARALLEL /* PT-Scotch or ParMETIS on all ranks */
 } LatinPartitioner;
 PETSC_EXTERN const char *const LatinPartitioners[];
 
-/* The micro search direction d of the interfaces */
+/* Micro search direction d of the interfaces */
 typedef enum {
-  LATIN_DIRECTION_SCALAR,   /* one number an interface */
-  LATIN_DIRECTION_DIAGONAL, /* one number a degree of freedom of an interface */
-  LATIN_DIRECTION_BLOCK,    /* a matrix an interface: the stiffness of the links there */
-  LATIN_DIRECTION_SCHUR,    /* a matrix an interface: the stiffness of the subdomains there */
-  LATIN_DIRECTION_AUTO      /* diagonal, and schur where the coefficients of a matrix jump; of links, schur */
+  LATIN_DIRECTION_SCALAR,   /* a number for each interface */
+  LATIN_DIRECTION_DIAGONAL, /* a number for each degree of freedom of an interface */
+  LATIN_DIRECTION_BLOCK,    /* a matrix for each interface: stiffness of its links */
+  LATIN_DIRECTION_SCHUR,    /* a matrix for each interface: Schur complements of its subdomains */
+  LATIN_DIRECTION_AUTO      /* of a matrix: diagonal, schur where coefficients jump; of links: schur */
 } LatinDirectionType;
 PETSC_EXTERN const char *const LatinDirectionTypes[];
 
-/* The precision of factors of the linear stage, which each stage corrects */
+/* Precision of factors of the linear stage, whose rounding errors each stage corrects */
 typedef enum {
   LATIN_PRECISION_DOUBLE,
-  LATIN_PRECISION_SINGLE, /* wherever it serves */
-  LATIN_PRECISION_AUTO    /* single where a factor is large and it serves */
+  LATIN_PRECISION_SINGLE, /* if accurate enough */
+  LATIN_PRECISION_AUTO    /* single for large factors, if accurate enough */
 } LatinPrecision;
 PETSC_EXTERN const char *const LatinPrecisions[];
 
-/* What SNES latin watches to decide that it has converged */
+/* Convergence criterion of SNES latin */
 typedef enum {
   LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
   LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
   LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
   LATIN_STOP_ERROR,     /* estimated error of the displacements of all subdomains, relative, against -snes_latin_error */
   LATIN_STOP_ENERGY,    /* the same in the energy norm of the links, all taut */
-  LATIN_STOP_AUTO       /* the error; where -snes_stol is given, and in the steps of a motion, the indicator */
+  LATIN_STOP_AUTO       /* error; in time steps, and if -snes_stol is set, indicator */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
-/* How displacements turn the links of a structure */
+/* Rotations of the links of a structure */
 typedef enum {
-  LATIN_GEOMETRY_LINEAR,    /* not at all: equilibrium in the drawn configuration */
-  LATIN_GEOMETRY_PRESTRESS, /* by small angles, against which the tensions of the drawn configuration resist */
-  LATIN_GEOMETRY_LARGE      /* as far as they go: equilibrium in the displaced configuration */
+  LATIN_GEOMETRY_LINEAR,    /* none: equilibrium in the drawn configuration */
+  LATIN_GEOMETRY_PRESTRESS, /* small: geometric stiffness of the prestress in the drawn configuration */
+  LATIN_GEOMETRY_LARGE      /* large: equilibrium in the displaced configuration */
 } LatinGeometry;
 PETSC_EXTERN const char *const LatinGeometries[];
 
-/* Where a solve of SNES latin starts after one that has converged */
+/* Initial state of a solve of SNES latin after a converged one */
 typedef enum {
-  LATIN_WARM_START_NONE,       /* from the displacements in the solution vector */
-  LATIN_WARM_START_LAST,       /* from the state of the last solve */
-  LATIN_WARM_START_EXTRAPOLATE /* from the states of the last two, extrapolated */
+  LATIN_WARM_START_NONE,       /* displacements in the solution vector */
+  LATIN_WARM_START_LAST,       /* state of the last solve */
+  LATIN_WARM_START_EXTRAPOLATE /* extrapolated from the states of the last two */
 } LatinWarmStart;
 PETSC_EXTERN const char *const LatinWarmStarts[];
 
-/* When Newton's method takes over from the iteration of SNES latin */
+/* Switch from the iteration of SNES latin to Newton's method */
 typedef enum {
-  LATIN_NEWTON_AUTO, /* where it stalls, diverges or ends by rounding; and to prove an error */
+  LATIN_NEWTON_AUTO, /* on stagnation, divergence or loss by rounding of the iteration; and to prove an error */
   LATIN_NEWTON_NEVER
 } LatinNewtonType;
 PETSC_EXTERN const char *const LatinNewtonTypes[];
@@ -131,21 +131,21 @@ typedef struct {
   PetscInt  weak_interfaces;
   PetscInt  strong_macro_dofs;                            /* unknowns of the coarse problem on strong interfaces */
   PetscInt  weak_dofs;                                    /* unknowns of the coarse problem on weak interfaces or corners */
-  PetscInt  coarse_size, coarse_levels;                   /* rows of the matrix that the coarse KSP solves, and levels of groups condensed before */
-  PetscInt  local_macro_dofs;                             /* of the former, those of local low-energy fields */
-  PetscInt  low_energy_subdomains, local_modes_max;       /* subdomains with such fields, the most in one of them */
+  PetscInt  coarse_size, coarse_levels;                   /* rows of the matrix of the coarse KSP, levels of groups condensed before */
+  PetscInt  local_macro_dofs;                             /* strong_macro_dofs of local low-energy fields */
+  PetscInt  low_energy_subdomains, local_modes_max;       /* subdomains with such fields, most of them in one subdomain */
   PetscInt  micro_sides;                                  /* nodes of interface sides that carry micro quantities */
   PetscInt  state_size;                                   /* length of the fixed-point unknown z */
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
 } LatinStatistics;
 
-/* What a decomposition costs */
+/* Cost of a decomposition */
 typedef struct {
-  const char *choice;                          /* why there are so many subdomains; not to be freed */
-  PetscReal   factor_operations, factor_bytes; /* of the factors of the subdomains, by their analysis; 0: not known of the local solver chosen */
+  const char *choice;                          /* how the number of subdomains was chosen; borrowed */
+  PetscReal   factor_operations, factor_bytes; /* of the factors of the subdomains, by symbolic analysis; 0: unknown for this local solver */
   PetscReal   setup_seconds;
   PetscInt    linear_stages; /* since the set-up */
-  PetscReal   stage_seconds; /* of one of these, their mean */
+  PetscReal   stage_seconds; /* mean time of a linear stage */
 } LatinCost;
 
 PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);

@@ -1,17 +1,18 @@
 #include "core/latinimpl.h"
 
-/* What a decomposition costs: predicted, of its factors, by their analysis; and measured. */
+/* Cost of a decomposition: of its factors, predicted by symbolic analysis; of set-up and stages, measured. */
 
 /*@C
-  LatinGetCost - Why there are so many subdomains, what their factors take, and what set-up and linear stages have taken.
+  LatinGetCost - How the number of subdomains was chosen, predicted cost of their factors, measured time of set-up and linear stages.
 
   Collective on latin
 
   Level: intermediate
 
   Note:
-  Operations, of additions and multiplications each, and bytes are those of the factors of all subdomains, of which equal ones on a rank share one: known of the default local
-  solver, 0 of others. A linear stage reads the factors twice. Seconds are those of the slowest rank.
+  Operations count an addition and a multiplication each. Operations and bytes are sums over the factors of all subdomains; equal
+  subdomains on a rank share a factor. They are 0 with local solvers other than the default. A linear stage reads the factors twice. Seconds
+  are those of the slowest rank.
 @*/
 PetscErrorCode LatinGetCost(Latin latin, LatinCost *cost)
 {

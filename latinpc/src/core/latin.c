@@ -2,8 +2,7 @@
 #include <petsctime.h>
 
 /*
-   The core object: the order of set-up, what is built anew when something has changed. The solver types are shells
-   around it.
+   The core object: the order of the set-up, and what is rebuilt after a change. The solver types are shells around it.
 */
 
 static const char citation[] = "@article{AlartDureisseix2008,\n"
@@ -25,7 +24,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionBegin;
   PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Private, LatinView_Private));
   PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)latin)));
-  /* each stage reads those below it */
+  /* each member has pointers to those that it reads */
   latin->sub      = (LatinSubdomains){.object = (PetscObject)latin};
   latin->variant  = LATIN_VARIANT_CORNER;
   latin->inter    = (LatinInterfaces){.sub = &latin->sub};
@@ -39,7 +38,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionReturn(0);
 }
 
-/* What the method works on: a structure, or a MATIS. Nothing of another one is kept */
+/* Sets the problem: a structure, or a MATIS. A change resets latin. Collective on latin */
 PetscErrorCode LatinSetProblem_Private(Latin latin, LatinStructure structure, Mat matrix)
 {
   PetscFunctionBegin;
@@ -57,8 +56,8 @@ PetscErrorCode LatinSetProblem_Private(Latin latin, LatinStructure structure, Ma
 }
 
 /*
-   The stiffnesses that the structure has given its links, and of rigid links the search parameters; of a matrix P (NULL:
-   none) the tangent stiffnesses of the structure, which it may not have: then those of taut links. Collective on latin
+   Sets sub.link_stiffness: stiffnesses of links, search parameters of rigid links; or the tangent stiffnesses composed on the matrix P
+   (NULL: none), if it has them. Collective on latin
 */
 PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
 {
@@ -82,18 +81,18 @@ PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
   PetscFunctionReturn(0);
 }
 
-#define LATIN_REPEATS 8 /* subdomains for each different one, from which corner takes less time than primal */
+#define LATIN_REPEATS 8 /* least ratio of subdomains to different ones at which corner takes less time than primal */
 
-/* Is anything chosen that only strong interfaces have? */
+/* Has the user set an option of strong interfaces? */
 static PetscBool LatinTunesInterfaces(Latin latin)
 {
   return (PetscBool)(latin->dir.type != LATIN_DIRECTION_SCHUR || latin->dir.value > 0.0 || latin->macro.type != LATIN_MODES_AFFINE || latin->spectral.threshold > 0.0);
 }
 
 /*
-   The variant that auto stands for. Where subdomains repeat, micro quantities on interfaces cost next to nothing and keep the
-   coarse problem small; elsewhere all interfaces in the coarse problem take less time: tensegrity-grid 200 in 2500 equal
-   blocks 1.4 and 3.6 s, tensegrity-grid 100 cut by METIS into 313 2.1 and 1.7 s, into 16 4.2 and 1.2 s. Collective on latin
+   Chooses the variant for auto. With repeated subdomains, micro quantities on interfaces cost next to nothing and keep the
+   coarse problem small: corner. Else all interfaces in the coarse problem take less time: primal. Times of corner and primal: tensegrity-grid 200 in
+   2500 equal blocks 1.4 and 3.6 s, tensegrity-grid 100 cut by METIS into 313 2.1 and 1.7 s, into 16 4.2 and 1.2 s. Collective on latin
 */
 static PetscErrorCode LatinSetUpVariant_Private(Latin latin)
 {
@@ -128,7 +127,7 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   latin->partition.corners = (PetscBool)(variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED || (variant == LATIN_VARIANT_AUTO && !latin->partition.primal));
   latin->partition.prefix  = LatinPrefix(&latin->sub);
   PetscCall(PetscMalloc1(structure->links_local, &of_link));
-  if (structure->turns) { /* the parts of a link stay together */
+  if (structure->turns) { /* all parts of a link go to the same subdomain */
     const PetscInt parts = structure->dim;
 
     PetscCall(LatinPartition_Private(structure->turns, &latin->partition, of_link, &count));
@@ -138,7 +137,7 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Are factors of subdomains, which keep their interfaces to the last, in single precision on any rank? Then those of the coarse matrix are provisional. Collective on latin */
+/* Marks the factor of the coarse matrix as provisional if factors of substructures are in single precision on any rank. Collective on latin */
 static PetscErrorCode LatinSetUpProvisional_Private(Latin latin)
 {
   PetscReal rounding = latin->linear.substructures ? latin->solvers.rounding : 0.0;
@@ -150,8 +149,8 @@ static PetscErrorCode LatinSetUpProvisional_Private(Latin latin)
 }
 
 /*
-   Factors of subdomains in single precision, which keep their interfaces to the last, serve if the stage that they make
-   leaves little to the next one; else they are made in a higher one, and what follows from them. Collective on latin
+   Tests factors of substructures in single precision: accepts them if a linear stage with them contracts the error enough; else factors
+   again in a higher precision, and renews the coarse problem. Collective on latin
 */
 static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
 {
@@ -178,7 +177,7 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Solvers of the subdomains, their condensation, the coarse problem. Collective on latin */
+/* Solvers of the subdomains and their condensation. Collective on latin */
 static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
 {
   LatinLocalSolvers *solvers = &latin->solvers;
@@ -192,8 +191,8 @@ static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
 }
 
 /*
-   What single precision leaves of the subdomains' energies is in the coarse matrix, where these cancel: of its softest
-   displacement little may be left, else all is made once more in double precision. Collective on latin
+   The coarse matrix has the rounding errors of subdomain energies in single precision, which cancel in it. If these are not small relative to the
+   energy of its softest displacement, repeats the set-up in double precision. Collective on latin
 */
 static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
 {
@@ -212,7 +211,7 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Is no unknown of a subdomain here inside it, as in coarse problems of substructures? They are what condensation has left, and too soft for single precision */
+/* Do the subdomains here have no interior unknowns, as in coarse problems of substructures? Condensed matrices are too soft for single precision */
 static PetscBool LatinIsCondensed(const LatinInterfaces *inter)
 {
   for (PetscInt i = 0; i < inter->sub->copies; i++)
@@ -220,7 +219,7 @@ static PetscBool LatinIsCondensed(const LatinInterfaces *inter)
   return PETSC_TRUE;
 }
 
-/* The stages above the subdomains, in order; kept: the interfaces are there */
+/* Sets up the stages above the subdomains, in order; kept: the interfaces exist. Collective on latin */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
   PetscInt *pattern;
@@ -245,7 +244,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscFunctionReturn(0);
 }
 
-/* Resets what depends on the values of the operators; of matrices and their solvers, the next set-up takes those whose pattern it finds again */
+/* Resets what depends on the values of the operators. Matrices and solvers are kept aside: the next set-up reuses those of the same pattern */
 static PetscErrorCode LatinRetire_Private(Latin latin)
 {
   PetscFunctionBegin;
@@ -259,7 +258,7 @@ static PetscErrorCode LatinRetire_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Everything for operators that are new; again: after a set-up for others, of the same structure or matrix, whose subdomains and interfaces are kept where they still are the same. Collective on latin */
+/* Full set-up for new operators; again: of the same structure or matrix, subdomains and interfaces are kept if they have not changed. Collective on latin */
 static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
 {
   const LatinVariant variant = latin->inter.variant;
@@ -276,7 +275,7 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
       if (!latin->sub.tangent) PetscCall(LatinSetStiffness_Private(latin, NULL));
       PetscCall(LatinSubdomainsRefresh(&latin->sub));
     }
-  } else PetscCall(LatinReset_Private(latin)); /* also what an earlier attempt that ended in an error may have left */
+  } else PetscCall(LatinReset_Private(latin)); /* an earlier set-up may have ended in an error */
   if (!same) {
     PetscCall(LatinSubdomainsReset(&latin->sub));
     PetscCall(LatinSetUpSubdomains_Private(latin));
@@ -291,7 +290,7 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
   PetscFunctionReturn(0);
 }
 
-/* Is all that has changed in the structure since the last set-up how the parts of its links turn (structure/frame.c)? */
+/* Has nothing changed in the structure since the last set-up but the rotations of the parts of links (structure/frame.c)? */
 static PetscBool LatinTurnsAlone(Latin latin)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -300,8 +299,8 @@ static PetscBool LatinTurnsAlone(Latin latin)
 }
 
 /*
-   Builds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides for new loads,
-   initial elongations and prescribed displacements. Collective on latin.
+   Rebuilds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides alone for new loads,
+   initial elongations and prescribed displacements. Collective on latin
 */
 PetscErrorCode LatinSetUp_Private(Latin latin)
 {

@@ -1,6 +1,6 @@
 /*
-   The method as one object: what is asked of each stage, the stages, and what has changed since they were set up.
-   Equation numbers are those of the article named in latinpc.h.
+   The method as one object: options, stages, and the states for which they were set up. Equation numbers are those of the
+   article named in latinpc.h.
 */
 #ifndef LATINIMPL_H
 #define LATINIMPL_H
@@ -12,7 +12,7 @@
 struct _p_Latin {
   PETSCHEADER(int);
   LatinPartitionRequest partition;
-  LatinVariant          variant; /* asked for; inter has what is made of it */
+  LatinVariant          variant; /* option; the variant in use is in inter */
   LatinPrecision        precision;
   LatinSubdomains       sub;
   LatinInterfaces       inter;
@@ -23,13 +23,13 @@ struct _p_Latin {
   LatinBatches          batches;
   LatinLocalSolvers     solvers;
   LatinLinear           linear;
-  PetscReal             tuning;       /* search parameters of rigid links that are chosen here are so many times those of structure/rigidlaws.c */
-  PetscObjectState      tuning_state; /* of the structure then */
+  PetscReal             tuning;       /* factor on the automatic search parameters of rigid links of structure/rigidlaws.c */
+  PetscObjectState      tuning_state; /* of the structure when `tuning` was set */
   PetscReal             setup_seconds;
   PetscBool             set_up;
-  PetscBool             renews;                                            /* a set-up is followed by another one, of operators that may have the same pattern: what depends on that alone is kept */
+  PetscBool             renews;                                            /* operators of the next set-up may have the same pattern: keep what depends on the pattern alone */
   PetscBool             stale;                                             /* options have changed since the set-up */
-  PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure when it was last looked at */
+  PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure at the last set-up */
 };
 
 /* ---- core/latin.c ---- */

@@ -1,18 +1,17 @@
 #include "core/latinimpl.h"
 
 /*
-   What a factorisation that fails says of the structure: a displacement changes the length of no link, a mechanism; or prestress makes it buckle. A
-   subdomain's matrix has springs on its interfaces and its primal dofs held, so it is singular only when the structure
-   has a mechanism inside that subdomain; the coarse matrix is singular when the structure has one that reaches the
-   interfaces.
+   Diagnosis of a failed factorisation: the structure has a mechanism, a displacement that changes the length of no link; or its prestress
+   makes it buckle. The matrix of a subdomain has springs on its interfaces and clamped primal dofs: it is singular only if the
+   mechanism is inside that subdomain. The coarse matrix is singular if a mechanism reaches the interfaces.
 */
 
-#define LATIN_MOVED_MOST  64   /* nodes that a rank looks at for a message */
-#define LATIN_MOVED_NAMED 8    /* nodes that it names */
-#define LATIN_MOVED_PART  0.5  /* of the largest displacement: nodes that a mechanism moves most */
-#define LATIN_DOUBT       1e-3 /* of the least stiffness: rounding of the greatest that may hide it */
+#define LATIN_MOVED_MOST  64   /* most nodes of a rank that are compared for a message */
+#define LATIN_MOVED_NAMED 8    /* most nodes in a message */
+#define LATIN_MOVED_PART  0.5  /* least displacement of a node in a message, relative to the largest */
+#define LATIN_DOUBT       1e-3 /* rounding of the greatest stiffness, relative to the least one, above which that one may be lost */
 
-/* Displacements of the copies for an eigenvector of a batch's matrix, or (batch NULL) of the coarse matrix */
+/* Displacements of the copies for an eigenvector of the matrix of a batch, or (batch NULL) of the coarse matrix. The caller frees them */
 static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const LatinBatch *batch, PetscReal *newfield[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -34,17 +33,20 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
     PetscCall(LatinLinearExpand(&latin->linear, field));
   }
   for (PetscInt i = 0; i < bs * sub->copies; i++)
-    if (sub->fixed[i]) field[i] = 0.0; /* rows of their own, without links */
+    if (sub->fixed[i]) field[i] = 0.0; /* identity rows */
   PetscFunctionReturn(0);
 }
 
-/* Do the tensions of the drawn configuration resist a mechanism that turns links? field: NULL on ranks that have none; `largest` displacement of it, 0 where there is none on any rank: is there a tension? Collective on latin */
+/*
+   *held: the geometric stiffness of the prestress stabilises the mechanism. field: NULL on ranks without; largest: its largest
+   displacement, 0 if there is no field on any rank: *held if the prestress is tensile on the whole. Collective on latin
+*/
 static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *held)
 {
   const LatinSubdomains *sub     = &latin->sub;
   const PetscInt         dim     = sub->dim;
   const PetscBool        found   = (PetscBool)(largest > 0.0);
-  PetscReal              work[2] = {0.0, 0.0}; /* and its rounding; where no field has been found any tension will do: it is only a hint */
+  PetscReal              work[2] = {0.0, 0.0}; /* quadratic form of the geometric stiffness, and its rounding; without a field the sum of tension / length is only a hint */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -60,18 +62,21 @@ static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal fi
     }
     if (!(length > 0.0)) continue;
     work[0] += tension / PetscSqrtReal(length) * across;
-    work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0); /* links that a field leaves in their places turn by its rounding */
+    work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0); /* links that do not move turn by the rounding of the field */
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   *held = (PetscBool)(work[0] > work[1]);
   PetscFunctionReturn(0);
 }
 
-/* Does compression in links that turn drive the field, or is it at least no mechanism while some links are in compression? Of a frame (structure/frame.c). field: NULL on ranks that have none. Collective on latin */
+/*
+   *driven: buckling, not a mechanism: parts in compression take part in the field, and its energy is not zero. For frames
+   (structure/frame.c). field: NULL on ranks without. Collective on latin
+*/
 static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *driven)
 {
   const LatinSubdomains *sub     = &latin->sub;
-  PetscReal              work[4] = {0.0, 0.0, 0.0, 0.0}; /* of all links, and of those in compression; rounding of both */
+  PetscReal              work[4] = {0.0, 0.0, 0.0, 0.0}; /* energy of all parts, of those of negative stiffness; rounding of both */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links && field; l++) {
@@ -87,7 +92,7 @@ static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Ends in an error that names some of the nodes that a mechanism moves most; field: NULL on ranks that have none */
+/* Raises an error that names some of the nodes that the mechanism moves most; field: NULL on ranks without. Collective on latin */
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[])
 {
   const LatinSubdomains *sub  = &latin->sub;
@@ -115,10 +120,11 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   }
   if (sub->structure) PetscCall(LatinStructureGetSizes(sub->structure, &dim, &nodes, NULL, &free));
   LatinAgree(PetscObjectComm((PetscObject)latin), nodes && free == dim * nodes, PETSC_ERR_MAT_CH_ZRPVT, "Nothing is supported: no displacement of any node is prescribed, so that the structure moves as a whole. Prescribe displacements");
-  /* soft links count as none beside links that are stiffer by more than the digits of a number */
+  /* soft links may be lost to the rounding of stiff ones */
   if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
-  if (LATIN_MECHANISM * most > LATIN_DOUBT * least) PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
-  /* where no field has been found all ranks say the same without names */
+  if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
+    PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
+  /* without a field on any rank, all ranks raise the same error, without names */
   LatinAgree(PetscObjectComm((PetscObject)latin), named || largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s",
              sub->matrix ? "The matrix is singular, or not positive definite"
              : driven    ? "The structure as drawn is unstable: its prestress makes it buckle"
@@ -136,8 +142,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
 }
 
 /*
-   Ends in the same error on every rank when a factorisation failed on any of them, naming nodes where a mechanism is
-   the cause; destroys status->mode. batch is that of the failure, NULL for the coarse problem. Collective on latin.
+   Raises the same error on every rank if a factorisation failed on any of them, with the nodes of the mechanism, if any;
+   destroys status->mode. batch: of the failure, NULL for the coarse problem. Collective on latin
 */
 PetscErrorCode LatinFactorAgree_Private(Latin latin, LatinFactorStatus *status, const LatinBatch *batch, const char name[])
 {

@@ -1,8 +1,7 @@
 #include "core/latinimpl.h"
 
 /*
-   What is asked of the method: setters, and the options that call them. A setter that changes
-   something makes the next set-up build everything anew.
+   Setters of the method, and the options that call them. A changed value makes the next set-up rebuild everything.
 */
 
 const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "primal", "auto", "LatinVariant", "LATIN_VARIANT_", NULL};
@@ -13,7 +12,7 @@ const char *const LatinPrecisions[] = {"double", "single", "auto", "LatinPrecisi
 
 const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPartitioner", "LATIN_PARTITIONER_", NULL};
 
-/* Sets a member, and notes that it has changed */
+/* Sets a member, and latin->stale if it changes */
 #define LatinChange(latin, member, value) \
   do { \
     if ((latin)->member != (value)) (latin)->stale = PETSC_TRUE; \
@@ -21,9 +20,9 @@ const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPart
   } while (0)
 
 /*@
-  LatinSetVariant - What of the interfaces is in the coarse problem: of weak ones, section 4; or all.
+  LatinSetVariant - Interface dofs in the coarse problem: those of weak interfaces, section 4, or all.
 
-  Logically collective on latin; a change makes the next set-up build everything anew
+  Logically collective on latin; a change makes the next set-up rebuild everything
 
   Options Database Key:
 . -snes_latin_variant <auto,primal,corner,macro,none,published> - or -pc_latin_variant
@@ -39,13 +38,13 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 }
 
 /*@
-  LatinSetModes - The macro fields of strong interfaces, section 3.2, and the local ones below a threshold.
+  LatinSetModes - Macro fields of strong interfaces, section 3.2, and threshold of local low-energy fields.
 
   Logically collective on latin
 
   Input Parameters:
 + type      - affine fields, or rigid motions
-- threshold - local low-energy fields with eigenvalues below it, relative to the search direction, are macro; 0: none, PETSC_DEFAULT: automatic
+- threshold - local low-energy fields with eigenvalues, relative to the search direction, below it are macro; 0: none, PETSC_DEFAULT: automatic
 
   Options Database Keys:
 + -snes_latin_modes <affine,rigid>    - or -pc_latin_modes, -ksp_latin_modes
@@ -65,13 +64,13 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 }
 
 /*@
-  LatinSetDirection - The micro search direction of the interfaces (26), (27).
+  LatinSetDirection - Micro search direction of the interfaces (26), (27).
 
   Logically collective on latin
 
   Input Parameters:
-+ type  - how much of the stiffness of the subdomains it contains
-- value - of a scalar direction its value d, force/length; of the others the fraction of the interface stiffness; 0: automatic.
++ type  - approximation of the stiffness of the subdomains
+- value - scalar direction: d, force/length; others: fraction of the interface stiffness; 0: automatic.
           The fraction, or d relative to the stiffness of interfaces, is between 1e-10 and 1e10 (single precision: 1e-4 and 1e4)
 
   Options Database Keys:
@@ -96,14 +95,14 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 }
 
 /*@
-  LatinSetPrecision - The precision of the factors of variant primal of SNES latin. A linear stage solves for the change of
-  the displacements, and so corrects what the one before has rounded: a factor in single precision takes half the memory
-  and time. Whether it serves is tested at the set-up; where it does not, the factor is made in double precision.
+  LatinSetPrecision - Precision of the factors of variant primal of SNES latin. A linear stage solves for the increment of
+  the displacements, and so corrects the rounding errors of the last one (iterative refinement). A factor in single precision
+  takes half the memory and time. The set-up tests its accuracy, and factors in double precision if it is not enough.
 
   Logically collective on latin
 
   Options Database Key:
-. -snes_latin_precision <double,single,auto> - auto: single precision where a factor is larger than a cache
+. -snes_latin_precision <double,single,auto> - auto: single precision for factors larger than a cache
 
   Level: advanced
 @*/
@@ -116,7 +115,7 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
 }
 
 /*@
-  LatinSetSubdomains - The number of subdomains of a structure, or to which the pieces of a `MATIS` are joined, 0: automatic.
+  LatinSetSubdomains - Number of subdomains of a structure, or into which the pieces of a `MATIS` are merged; 0: automatic.
 
   Logically collective on latin
 
@@ -137,19 +136,19 @@ PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
 }
 
 /*@
-  LatinSetPartition - The subdomain of each link, in place of METIS.
+  LatinSetPartition - Subdomain of each link, in place of METIS.
 
   Logically collective on latin
 
   Input Parameters:
 + links     - links of this rank
-- subdomain - [links] of each link in the caller's order, counted from 0 without gaps over all ranks; NULL: METIS
+- subdomain - [links] subdomain of each link in the caller's order, numbered from 0 without gaps over all ranks; NULL: METIS
 
   Level: intermediate
 
   Note:
   An `IS` of the same numbers, composed on the DM of the structure by `PetscObjectCompose()` under the name "subdomains", is the
-  partition of all solvers that are given none.
+  default partition of all solvers.
 
 .seealso: `LatinSetSubdomains()`
 @*/
@@ -160,13 +159,13 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   latin->stale           = PETSC_TRUE;
   latin->partition.links = subdomain ? links : 0;
   PetscCall(PetscFree(latin->partition.given));
-  if (subdomain) PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* not NULL on a rank without links either */
+  if (subdomain) PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* + 1: not NULL on a rank without links */
   PetscCall(PetscArraycpy(latin->partition.given, subdomain, latin->partition.links));
   PetscFunctionReturn(0);
 }
 
 /*@
-  LatinSetPartitioner - Who makes the partition of a structure where the caller gives none.
+  LatinSetPartitioner - Partitioner of a structure, unless the caller sets a partition.
 
   Logically collective on latin
 
@@ -177,8 +176,8 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   Level: advanced
 
   Note:
-  METIS holds all links on one rank. The parallel one, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, leaves them where
-  they are, and makes connected subdomains. auto: METIS on one rank, for few links, and where PETSc has no other.
+  metis gathers all links on one rank. parallel, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, does not move them, and
+  makes connected subdomains. auto: metis on one rank, for few links, and if PETSc has no parallel partitioner.
 
 .seealso: `LatinSetSubdomains()`, `LatinSetPartition()`
 @*/
@@ -190,7 +189,7 @@ PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
   PetscFunctionReturn(0);
 }
 
-/* The options of the method, behind the prefix that solver gives it. Collective on solver */
+/* Reads the options of the method, with the prefix of solver. Collective on solver */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
 {
   LatinVariant       variant   = latin->variant;
@@ -205,18 +204,16 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(LatinSetPrefix_Private(latin, solver));
   PetscObjectOptionsBegin((PetscObject)latin);
   PetscCall(PetscOptionsInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL));
-  PetscCall(PetscOptionsEnum("-partitioner", "Partitioner: METIS on one rank, or a parallel one on all ranks", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
-  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "Interface unknowns of the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
+  PetscCall(PetscOptionsEnum("-partitioner", "Partitioner: METIS on one rank, or a parallel one", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
+  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "Interface dofs in the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
   PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
-  PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy macro fields, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
+  PetscCall(PetscOptionsReal("-modes_local", "Eigenvalue threshold of local low-energy fields in the macro space, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
   PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
   if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
-  if (solver->classid == SNES_CLASSID)
-    PetscCall(
-      PetscOptionsEnum("-precision", "Precision of factors that linear stages correct; single: if a test allows it; auto: the same, for large factors", "LatinSetPrecision", LatinPrecisions, (PetscEnum)precision, (PetscEnum *)&precision, NULL));
+  if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsEnum("-precision", "Precision of factors, auto: single for large ones if accurate enough", "LatinSetPrecision", LatinPrecisions, (PetscEnum)precision, (PetscEnum *)&precision, NULL));
   PetscOptionsEnd();
   PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_AUTO, PetscObjectComm(solver), PETSC_ERR_SUP,
-             "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
+             "-%smodes_local needs -%svariant corner: with other variants local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
   PetscCall(LatinSetVariant(latin, variant));
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));

@@ -1,6 +1,6 @@
 #include "core/latinimpl.h"
 
-/* What the decomposition lets a user see: sizes, subdomains, classes of nodes, homogenised stiffness, inner solvers. */
+/* Getters of the decomposition: sizes, subdomains, classes of nodes, homogenised stiffness, inner solvers. */
 
 static PetscErrorCode LatinCheckSetUp_Private(Latin latin)
 {
@@ -19,7 +19,7 @@ static PetscErrorCode LatinCheckSetUp_Private(Latin latin)
   PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *statistics)
 
   Note:
-  A macro, which gives the size of the caller's struct: a program that was compiled before members were added gets the others.
+  A macro, which passes the size of the caller's struct: programs compiled before members were added remain valid.
 
   Level: intermediate
 @*/
@@ -111,7 +111,7 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 }
 
 /*@C
-  LatinGetSubdomainOfLinks - The subdomain of each link that this rank gave, in the caller's order.
+  LatinGetSubdomainOfLinks - Subdomain of each link that this rank created, in the caller's order.
 
   Not collective
 
@@ -129,8 +129,8 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 }
 
 /*@C
-  LatinGetNodeClasses - For each node that this rank gave, or each row of a matrix here: 0 inside a subdomain, 1 on strong interfaces only,
-  2 on a weak interface, 3 primal (a corner, or a macro weak interface).
+  LatinGetNodeClasses - Class of each node that this rank created, or of each row of a matrix here: 0 inside a subdomain, 1 on strong
+  interfaces only, 2 on a weak interface, 3 primal (a corner, or a macro weak interface).
 
   Collective on latin
 
@@ -146,7 +146,7 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 }
 
 /*@C
-  LatinGetMacroStiffness - The homogenised stiffness (29), (51) of subdomain i of this rank, a dense matrix: macro modes of the
+  LatinGetMacroStiffness - Homogenised stiffness (29), (51) of subdomain i of this rank, a dense matrix: macro modes of the
   strong interfaces first, then primal displacements.
 
   Not collective; the caller destroys the matrix
@@ -154,7 +154,7 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
   Level: intermediate
 
   Note:
-  Symmetric and positive semidefinite. The kernel holds the rigid motions, and the mechanisms, of a floating subdomain.
+  Symmetric and positive semidefinite. The kernel contains the rigid motions and the mechanisms of a floating subdomain.
 @*/
 PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 {
@@ -174,15 +174,14 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 }
 
 /*@C
-  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one. NULL where a dense inverse takes its place, as in coarse problems of substructures.
+  LatinGetLocalKSP - Solver of subdomain i of this rank; equal subdomains share one. NULL with a dense inverse, as in coarse problems of substructures.
 
   Not collective; the reference is borrowed
 
   Level: advanced
 
   Note:
-  Where factors alone are used its matrix has no values before the first call, which makes them; nor after another set-up, until
-  the next call.
+  If the method uses its factor alone, the matrix has no values until this call computes them, after each set-up.
 @*/
 PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 {
@@ -198,14 +197,14 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 }
 
 /*@C
-  LatinGetCoarseKSP - The solver of the coarse problem; NULL when there is no interface.
+  LatinGetCoarseKSP - Solver of the coarse problem; NULL if there is no interface.
 
   Not collective; the reference is borrowed
 
   Level: advanced
 
   Note:
-  Of SNES latin with fronts of the ranks (latintree) the matrix has given its values up: it has a size, and no product.
+  With the parallel multifrontal solver of SNES latin (latintree) the matrix has no values: it has a size, but no product.
 @*/
 PetscErrorCode LatinGetCoarseKSP(Latin latin, KSP *ksp)
 {

@@ -1,8 +1,8 @@
 #include "core/latinimpl.h"
 
 /*
-   What the solvers around a Latin share: what a user gives a PC, a KSP or a SNES of type latin, and what the matrix of a
-   PC or a KSP stands for.
+   Common part of the PC, the KSP and the SNES of type latin: prefix, structure, coordinates, and the problem behind the matrix of a PC
+   or a KSP.
 */
 
 PetscErrorCode LatinCheckType_Private(PetscObject solver)
@@ -25,7 +25,7 @@ PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
   PetscFunctionReturn(0);
 }
 
-/* The structure that a PC or a KSP is to work on, whatever its matrix comes from; latin is NULL where it is not of type latin yet. Collective on solver */
+/* Attaches a structure to a PC or a KSP, which replaces that behind its matrix; latin: NULL if solver is not of type latin yet. Collective on solver */
 PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructure structure)
 {
   PetscObject before;
@@ -39,7 +39,7 @@ PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructu
   PetscFunctionReturn(0);
 }
 
-/* PCSetCoordinates() of a PC latin, or of the PC of a KSP latin: places of the unknowns of a matrix, kept on the PC */
+/* PCSetCoordinates() of a PC latin, or of the PC of a KSP latin: composes the coordinates of nodes on the PC */
 PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
 {
   Vec          v;
@@ -59,8 +59,8 @@ PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, 
 }
 
 /*
-   Builds everything for the matrix of a PC or a KSP: the tangent stiffness of a structure that is attached to the solver,
-   or behind its DM (NULL: none) or that of the matrix; or a MATIS. The solver has reset latin before. Collective on solver.
+   Sets latin up for the matrix of a PC or a KSP: the tangent stiffness of a structure, which is attached to the solver,
+   to its DM (NULL: none) or to that of the matrix; or a MATIS. The solver must have reset latin. Collective on solver
 */
 PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc, DM dm)
 {

@@ -1,8 +1,8 @@
 #include "core/latinimpl.h"
 
-/* What -snes_view, -ksp_view and -pc_view print of the method. */
+/* View of the method, by -snes_view, -ksp_view and -pc_view. */
 
-/* The last local solver of the first rank, and the coarse one */
+/* Views the last local solver of the first rank, and the coarse solver */
 static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistics *stats, PetscViewer viewer)
 {
   PetscViewer sub;
@@ -25,7 +25,7 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscCall(PetscViewerFlush(viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));
   if (!latin->coarse.ksp) PetscFunctionReturn(0);
-  if (stats->coarse_levels) PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver, %" PetscInt_FMT " displacements left by %" PetscInt_FMT " levels of repeated groups:\n", stats->coarse_size, stats->coarse_levels));
+  if (stats->coarse_levels) PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver, %" PetscInt_FMT " displacements after %" PetscInt_FMT " levels of repeated groups:\n", stats->coarse_size, stats->coarse_levels));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver:\n"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(KSPView(latin->coarse.ksp, viewer));
@@ -33,7 +33,7 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscFunctionReturn(0);
 }
 
-/* What factors and linear stages take: by analysis, and measured */
+/* Prints predicted and measured cost */
 static PetscErrorCode LatinViewCost_Private(Latin latin, PetscViewer viewer)
 {
   LatinCost cost;
@@ -46,7 +46,7 @@ static PetscErrorCode LatinViewCost_Private(Latin latin, PetscViewer viewer)
   PetscFunctionReturn(0);
 }
 
-/* The search direction, which only strong interfaces have */
+/* Prints the search direction of strong interfaces */
 static PetscErrorCode LatinViewDirection_Private(Latin latin, PetscViewer viewer)
 {
   PetscFunctionBegin;

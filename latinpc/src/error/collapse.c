@@ -1,57 +1,57 @@
 #include "error/latinerror.h"
 
 /*
-   Is there no equilibrium? The tensions of one bear the loads, B^t tau = F, and cables only pull [J. Farkas]: so the loads
-   do no work on displacements d that no link resists, however far they go: B d is zero at bars, not positive at cables and
-   inextensible cables, not negative at links in compression. Where there are such d with F.d > 0 there is no equilibrium,
-   and the structure follows them; stiffnesses, gaps and prestress play no part.
+   Do the loads exceed the limit load? Statically admissible tensions balance the loads, B^t tau = F, with the signs that the laws
+   allow: cables only pull. A mechanism is a displacement d that no link resists at any amplitude: B d = 0 at bars, B d <= 0 at
+   cables and inextensible cables, B d >= 0 at links in compression. By the lemma of J. Farkas admissible tensions exist if and only if
+   F.d <= 0 for all mechanisms. A mechanism with F.d > 0 proves that there is no equilibrium: the structure collapses along d.
+   Stiffnesses, gaps and prestress do not matter.
 
-   d is sought as the displacement nearest to that of the structure whose links are all bars of one stiffness: the least of
-   |B d|^2 / 2 - F.d for these d, which is zero if and only if there is an equilibrium. The interior-point method finds it
-   [S. Mehrotra], with steps that keep cables slack, s = -B d > 0, and whose number hardly depends on the size of the
-   structure: each takes one factorisation of B^t (1 + W) B and two solves. Tensions are regularised [M. P. Friedlander, D. Orban], so that W
-   is bounded and bars need no other treatment.
+   d minimises |B d|^2 / 2 - F.d over the mechanisms: it is the one nearest to the displacement of the reference structure, whose links
+   are all bars of one stiffness. d = 0 if and only if there is an equilibrium. The interior-point method of S. Mehrotra computes d, with
+   slacks s = -B d > 0 at cables. Its number of steps hardly depends on the size of the structure; a step takes one factorisation of
+   B^t (1 + W) B and two solves. Tensions are regularised [M. P. Friedlander, D. Orban]: this bounds W and includes bars.
 
-   What rounding leaves of the resistance v of the links along d is compared: an equilibrium has F.d <= |tau| |v|, so that its tensions
-   are at least F.d / |v| times those that the loads cause where all links are bars. From a number on that is a proof.
+   By rounding, d stretches the links that resist by some v. An equilibrium has F.d <= |tau| |v|, so that its tensions are at least
+   F.d / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof.
 */
 
-#define LATIN_COLLAPSE_STEPS  60                            /* most steps */
-#define LATIN_COLLAPSE_SOFT   LatinByPrecision(1e-10, 1e-4) /* compliance of a link that resists, beside that of the metric, at first; with a hundred times as much some large networks take no end */
-#define LATIN_COLLAPSE_SOFTER 100.0                         /* times that, where the operator is a mechanism to rounding */
-#define LATIN_COLLAPSE_START  10.0                          /* slack and tensions at first, beside those of bars: nearer to zero steps are short */
-#define LATIN_COLLAPSE_BACK   0.995                         /* part of the way to where a cable would become taut */
+#define LATIN_COLLAPSE_STEPS                60                            /* most steps */
+#define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4) /* initial compliance of a link that resists, relative to the reference structure; at 100 times as much some large networks do not converge */
+#define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0                         /* times that after a failed solve: the operator is singular to rounding */
+#define LATIN_COLLAPSE_START                10.0                          /* initial slacks and tensions, relative to the reference tensions: steps are short with smaller ones */
+#define LATIN_COLLAPSE_LENGTH               0.995                         /* step length, relative to the longest step with slacks and tensions >= 0 */
 
 typedef struct {
   LatinStructure structure;
   KSP            ksp;
-  Mat            A;     /* B^t (1 + W) B */
-  Vec            f, d;  /* loads, in the norm of the metric; displacements */
-  Vec            r, dd; /* what is without balance, and a step */
-  PetscInt       n;     /* links here */
-  PetscReal      count; /* links of one way, on all ranks */
-  PetscReal      links; /* all that displacements stretch, on all ranks */
-  PetscReal      scale; /* of the loads */
-  PetscReal      soft;  /* compliance of a link that resists */
-  PetscReal      left;  /* part of the first unbalance that is left */
+  Mat            A;              /* B^t (1 + W) B */
+  Vec            f, d;           /* loads, scaled to reference tensions of norm 1; displacements */
+  Vec            r, dd;          /* unbalance; step of d */
+  PetscInt       n;              /* links here */
+  PetscReal      count;          /* unilateral links, on all ranks */
+  PetscReal      links;          /* all links, on all ranks */
+  PetscReal      scale;          /* of the loads */
+  PetscReal      regularisation; /* compliance of a link that resists */
+  PetscReal      unbalance;      /* relative to the initial one */
   PetscInt       stages;
-  char          *way;     /* [n] */
-  PetscReal     *x, *dx;  /* [n] elongations, positive where a link of one way would resist; their steps */
-  PetscReal     *s, *ds;  /* [n] slack of links of one way */
+  char          *way;     /* [n] LATIN_WAY_ of each link */
+  PetscReal     *x, *dx;  /* [n] elongations, positive if a unilateral link resists; their steps */
+  PetscReal     *s, *ds;  /* [n] slacks of unilateral links */
   PetscReal     *t, *dt;  /* [n] tensions */
   PetscReal     *w, *rhs; /* [n] weights of links; work */
 } LatinCollapse;
 
-static inline PetscBool LatinCollapseOne(const LatinCollapse *c, PetscInt l)
+static inline PetscBool LatinCollapseUnilateral(const LatinCollapse *c, PetscInt l)
 {
   return (PetscBool)(c->way[l] == LATIN_WAY_TRACTION || c->way[l] == LATIN_WAY_COMPRESSION);
 }
 
-/* Which way does a link resist far out? *known is false where it bears a force without resisting, as one that yields */
+/* Sets c->way, the sign of the resistance of each link at large elongations. *known is false if a link has tension without stiffness there, as one that yields. Collective */
 static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *known)
 {
   const LatinStructure structure = c->structure;
-  PetscReal            sum[3]    = {0.0, 0.0, 0.0}; /* links that bear without resisting, links of one way, all */
+  PetscReal            sum[3]    = {0.0, 0.0, 0.0}; /* links with tension but no stiffness, unilateral links, all */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
@@ -60,7 +60,7 @@ static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *kno
     c->way[l] = LATIN_WAY_NONE;
     c->way[l] = (char)LatinLinkWay(structure, l, &bears);
     if (bears) sum[0] += 1.0;
-    if (LatinCollapseOne(c, l)) sum[1] += 1.0;
+    if (LatinCollapseUnilateral(c, l)) sum[1] += 1.0;
     sum[2] += 1.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
@@ -70,7 +70,7 @@ static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *kno
   PetscFunctionReturn(0);
 }
 
-/* x = the elongations of displacements, positive where a link of one way would resist. Collective */
+/* x = elongations B d, positive if a unilateral link resists. Collective */
 static PetscErrorCode LatinCollapseElongations_Private(LatinCollapse *c, Vec d, PetscReal x[])
 {
   PetscFunctionBegin;
@@ -80,7 +80,7 @@ static PetscErrorCode LatinCollapseElongations_Private(LatinCollapse *c, Vec d, 
   PetscFunctionReturn(0);
 }
 
-/* r = B^t t, the forces of these tensions, which are lost. Collective */
+/* r = B^t t; overwrites t. Collective */
 static PetscErrorCode LatinCollapseForces_Private(LatinCollapse *c, PetscReal t[], Vec r)
 {
   PetscFunctionBegin;
@@ -105,7 +105,7 @@ static PetscErrorCode LatinCollapseSolve_Private(LatinCollapse *c, Vec b, PetscB
   PetscFunctionReturn(0);
 }
 
-/* The operator of these weights, 1 + W, and its factors at the next solve. Collective */
+/* Assembles A = B^t (1 + W) B; the next solve factors it. Collective */
 static PetscErrorCode LatinCollapseOperator_Private(LatinCollapse *c)
 {
   PetscFunctionBegin;
@@ -115,7 +115,7 @@ static PetscErrorCode LatinCollapseOperator_Private(LatinCollapse *c)
   PetscFunctionReturn(0);
 }
 
-/* Displacements and tensions where all links are bars: they make the loads f, whose tensions have the norm 1, and what slack and tensions start from. Collective */
+/* Initial point: scales the loads f to tensions of norm 1 in the reference structure, and sets slacks and tensions. Collective */
 static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *failed)
 {
   PetscScalar work;
@@ -130,18 +130,18 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   c->scale = 1.0 / PetscSqrtReal(PetscRealPart(work));
   PetscCall(VecScale(c->f, c->scale));
   PetscCall(VecZeroEntries(c->d));
-  c->left = 1.0;
-  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
+  c->unbalance = 1.0;
+  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseUnilateral(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
   PetscFunctionReturn(0);
 }
 
-/* The step towards products s t of zero; the one that corrects it goes towards this mean, with what the product of the changes adds. Collective */
+/* Predictor step, towards complementarity s t = 0; corrector step (`corrects`), towards s t = mean, with the second-order term ds dt of the predictor. Collective */
 static PetscErrorCode LatinCollapseStep_Private(LatinCollapse *c, PetscBool corrects, PetscReal mean, PetscBool *failed)
 {
   PetscFunctionBegin;
-  /* dt = W (x - wanted / t + dx), of which dx is still to come */
+  /* dt = W (x - wanted / t + dx); W dx is added after the solve */
   for (PetscInt l = 0; l < c->n; l++) {
-    const PetscReal wanted = corrects && LatinCollapseOne(c, l) ? c->ds[l] * c->dt[l] - mean : 0.0;
+    const PetscReal wanted = corrects && LatinCollapseUnilateral(c, l) ? c->ds[l] * c->dt[l] - mean : 0.0;
 
     c->rhs[l] = wanted;
     c->dx[l]  = c->w[l] * (c->x[l] - (wanted != 0.0 ? wanted / c->t[l] : 0.0));
@@ -154,12 +154,12 @@ static PetscErrorCode LatinCollapseStep_Private(LatinCollapse *c, PetscBool corr
   PetscCall(LatinCollapseElongations_Private(c, c->dd, c->dx));
   for (PetscInt l = 0; l < c->n; l++) {
     c->dt[l] += c->w[l] * c->dx[l];
-    if (LatinCollapseOne(c, l)) c->ds[l] = -c->s[l] - (c->rhs[l] + c->s[l] * c->dt[l]) / c->t[l];
+    if (LatinCollapseUnilateral(c, l)) c->ds[l] = -c->s[l] - (c->rhs[l] + c->s[l] * c->dt[l]) / c->t[l];
   }
   PetscFunctionReturn(0);
 }
 
-/* How long the step may be, and the mean product after a part of it. Collective */
+/* Step length: `back` times the longest step that keeps slacks and tensions >= 0, at most 1; mean complementarity product after the step. Collective */
 static PetscErrorCode LatinCollapseLength_Private(LatinCollapse *c, PetscReal back, PetscReal *length, PetscReal *mean)
 {
   const MPI_Comm comm = PetscObjectComm((PetscObject)c->structure);
@@ -168,26 +168,26 @@ static PetscErrorCode LatinCollapseLength_Private(LatinCollapse *c, PetscReal ba
   PetscFunctionBegin;
   *length = 1.0 / back;
   for (PetscInt l = 0; l < c->n; l++) {
-    if (!LatinCollapseOne(c, l)) continue;
+    if (!LatinCollapseUnilateral(c, l)) continue;
     if (c->ds[l] < 0.0) *length = PetscMin(*length, -c->s[l] / c->ds[l]);
     if (c->dt[l] < 0.0) *length = PetscMin(*length, -c->t[l] / c->dt[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, comm));
   *length *= back;
-  for (PetscInt l = 0; l < c->n; l++) sum += LatinCollapseOne(c, l) ? (c->s[l] + *length * c->ds[l]) * (c->t[l] + *length * c->dt[l]) : 0.0;
+  for (PetscInt l = 0; l < c->n; l++) sum += LatinCollapseUnilateral(c, l) ? (c->s[l] + *length * c->ds[l]) * (c->t[l] + *length * c->dt[l]) : 0.0;
   PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, comm));
   *mean /= c->count;
   PetscFunctionReturn(0);
 }
 
-/* Weights, and a step towards slack and tensions whose products are alike and small. Collective */
+/* An interior-point step: weights W, predictor, corrector; updates d, t, s, x and the mean complementarity product. Collective */
 static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *mean, PetscBool *failed)
 {
   PetscReal length, after;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseOne(c, l) ? c->s[l] / c->t[l] : 0.0) + c->soft);
+    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseUnilateral(c, l) ? c->s[l] / c->t[l] : 0.0) + c->regularisation);
     c->ds[l] = c->dt[l] = 0.0;
   }
   PetscCall(LatinCollapseOperator_Private(c));
@@ -196,21 +196,21 @@ static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *
   PetscCall(LatinCollapseLength_Private(c, 1.0, &length, &after));
   PetscCall(LatinCollapseStep_Private(c, PETSC_TRUE, *mean * PetscPowRealInt(after / *mean, 3), failed));
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(LatinCollapseLength_Private(c, LATIN_COLLAPSE_BACK, &length, mean));
+  PetscCall(LatinCollapseLength_Private(c, LATIN_COLLAPSE_LENGTH, &length, mean));
   PetscCall(VecAXPY(c->d, length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] += length * c->dt[l];
-    if (LatinCollapseOne(c, l)) c->s[l] += length * c->ds[l];
+    if (LatinCollapseUnilateral(c, l)) c->s[l] += length * c->ds[l];
   }
-  c->left *= 1.0 - length;
+  c->unbalance *= 1.0 - length;
   PetscCall(LatinCollapseElongations_Private(c, c->d, c->x));
   PetscFunctionReturn(0);
 }
 
-/* *proof: the loads push along d, and nothing resists; *held: d is none. Collective */
+/* *proof: d is a mechanism with F.d > 0; *held: d = 0 to tolerance, there is an equilibrium. Collective */
 static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step, PetscBool *proof, PetscBool *held)
 {
-  PetscReal   sum[2] = {0.0, 0.0}; /* squares of the elongations that links resist, and of all */
+  PetscReal   sum[2] = {0.0, 0.0}; /* squared elongations: those that links resist, all */
   PetscScalar push;
 
   PetscFunctionBegin;
@@ -220,28 +220,27 @@ static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
-  *held  = (PetscBool)(c->left <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
+  *held  = (PetscBool)(c->unbalance <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
   *proof = LatinCollapseProves(PetscRealPart(push), 0.0, sum[0], sum[1]);
-  PetscCall(
-    PetscInfo(c->structure, "step %" PetscInt_FMT ": the loads push by %g, and tensions are %g times those of bars at least\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
+  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT ": work of the loads %g, tensions at least %g times those of bars\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
   PetscFunctionReturn(0);
 }
 
-/* bears: NULL, or the tensions that bear the loads where *held, [n] */
+/* Interior-point steps to a proof or an equilibrium. bears: NULL, or [n], set to statically admissible tensions if *held. Collective */
 static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
 {
   PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
   PetscReal mean;
 
   PetscFunctionBegin;
-  c->soft = LATIN_COLLAPSE_SOFT;
+  c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
   mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !*held;) {
     PetscCall(LatinCollapseIterate_Private(c, &mean, &failed));
     ++*steps;
     if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
-    else failed = (PetscBool)((c->soft *= LATIN_COLLAPSE_SOFTER) >= 1.0);
+    else failed = (PetscBool)((c->regularisation *= LATIN_COLLAPSE_REGULARISATION_GROWS) >= 1.0);
   }
   if (proof) PetscCall(LatinEquilibriumMoved_Private(c->structure, c->d, found));
   for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = (c->way[l] == LATIN_WAY_COMPRESSION ? -1.0 : 1.0) * c->t[l] / c->scale;
@@ -249,9 +248,10 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscReal bears
 }
 
 /*
-   The verdict is LATIN_UNBOUNDED where a proof is found that there is no equilibrium; else *found stays. `ksp` solves with
-   the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost. `more` is a load beside that of the structure, or NULL;
-   *steps and *stages: what it has taken, factorisations and linear iterations. *held: tensions bear the loads, these, if they are asked for, [links_local]. Collective on structure
+   Sets the verdict LATIN_UNBOUNDED if it proves that there is no equilibrium; else *found is unchanged. `ksp` solves with A, a tangent
+   stiffness of LatinTangentCreate_Private(), whose values it overwrites. `more`: an additional load, or NULL. *steps and *stages: number of
+   factorisations and of linear iterations. *held: statically admissible tensions exist; bears: NULL, or [links_local], these tensions.
+   Collective on structure
 */
 PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)
 {
@@ -261,7 +261,7 @@ PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ks
   PetscFunctionBegin;
   *steps = *stages = 0;
   *held            = PETSC_FALSE;
-  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a step of a motion has its solution; contacts with friction have no energy: LatinConesCreate_Private() */
+  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a time step always has a solution; contacts with friction have no energy, see LatinConesCreate_Private() */
   PetscCall(PetscMalloc1(c.n, &c.way));
   PetscCall(PetscCalloc4(c.n, &c.x, c.n, &c.dx, c.n, &c.s, c.n, &c.ds));
   PetscCall(PetscMalloc4(c.n, &c.t, c.n, &c.dt, c.n, &c.w, c.n, &c.rhs));

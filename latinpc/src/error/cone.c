@@ -1,18 +1,19 @@
 #include "error/latinerror.h"
 
 /*
-   The part of a load f that tensions of a few links cannot bear: r = f - sum over i of t_i a_i, the least there is with t_i of any sign for
-   the first links and t_i >= 0 for the others [C. L. Lawson, R. J. Hanson]. It is zero if and only if they bear f. Else r is a
-   displacement on which f does work, |r|^2, while the first links keep their length and no other one becomes longer.
+   Projection of a load f on the cone of forces that a few links can bear, by the active-set method for nonnegative least squares
+   [C. L. Lawson, R. J. Hanson]. The residual r = f - sum over i of t_i a_i, with t_i of any sign for the first links and t_i >= 0 for the
+   others, has minimal norm. r = 0 if and only if the links bear f. Else r is a mechanism: f does the work |r|^2 on it, the first
+   links keep their length and no other one becomes longer.
 
-   The links that bear have an orthonormal basis q of their rows a, by Gram's and Schmidt's method, twice for rounding; so r is
-   orthogonal to them to rounding, whatever their condition.
+   The rows a of the links in the basis, those that may bear, are orthonormalised to q by the Gram-Schmidt method, twice against
+   rounding. So r is orthogonal to them to rounding, whatever their condition.
 */
 
-#define LATIN_CONE_SPAN  PETSC_SQRT_MACHINE_EPSILON    /* what is left of a row beside those that bear, and is none */
-#define LATIN_CONE_BORNE LatinByPrecision(1e-9, 1e-4)  /* of the load: what is left of it, and is none */
-#define LATIN_CONE_SIGN  (1e3 * PETSC_MACHINE_EPSILON) /* of the load: less along a row is rounding */
-#define LATIN_CONE_TURNS 4                             /* times the links: changes of those that bear: a bound, rounding aside the method ends by itself */
+#define LATIN_CONE_SPAN     PETSC_SQRT_MACHINE_EPSILON    /* a row is dependent on the basis if less of it is orthogonal to that */
+#define LATIN_CONE_RESIDUAL LatinByPrecision(1e-9, 1e-4)  /* residual, relative to the load, that counts as zero */
+#define LATIN_CONE_SIGN     (1e3 * PETSC_MACHINE_EPSILON) /* of the load: rounding of the residual along a row */
+#define LATIN_CONE_CHANGES  4                             /* most changes of the basis, times the links; without rounding the method is finite */
 
 static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b[])
 {
@@ -22,10 +23,10 @@ static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b
   return sum;
 }
 
-/* b loses what the rows that bear have of it; what that is, if asked for */
+/* Orthogonalises b against the basis. part: NULL, or [basis], the coefficients are added to it */
 static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal part[])
 {
-  for (PetscInt k = 0; k < c->bears; k++) {
+  for (PetscInt k = 0; k < c->basis; k++) {
     const PetscReal *q = c->q + c->n * k, by = LatinConeDot(c->n, q, b);
 
     for (PetscInt i = 0; i < c->n; i++) b[i] -= by * q[i];
@@ -33,10 +34,10 @@ static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal par
   }
 }
 
-/* Link l bears from here on; false where its row is a sum of others */
+/* Adds link l to the basis; false if its row depends on those of the basis */
 static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
 {
-  const PetscInt n = c->n, k = c->bears;
+  const PetscInt n = c->n, k = c->basis;
   PetscReal     *q = c->q + n * k, *part = c->part + n * k, size;
 
   if (k >= n) return PETSC_FALSE;
@@ -52,29 +53,29 @@ static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
   c->along[k] = LatinConeDot(n, q, c->r);
   for (PetscInt i = 0; i < n; i++) c->r[i] -= c->along[k] * q[i];
   c->link[k]  = l;
-  c->state[l] = LATIN_CONE_BEARS;
-  c->bears++;
+  c->state[l] = LATIN_CONE_BASIS;
+  c->basis++;
   return PETSC_TRUE;
 }
 
-/* The tensions with which the links that bear leave r, [bears] */
+/* t: least-squares tensions of the basis, by back substitution, [basis] */
 static void LatinConeTensions(const LatinCone *c, PetscReal t[])
 {
-  for (PetscInt k = c->bears - 1; k >= 0; k--) {
+  for (PetscInt k = c->basis - 1; k >= 0; k--) {
     t[k] = c->along[k];
-    for (PetscInt j = k + 1; j < c->bears; j++) t[k] -= c->part[c->n * j + k] * t[j];
+    for (PetscInt j = k + 1; j < c->basis; j++) t[k] -= c->part[c->n * j + k] * t[j];
     t[k] /= c->part[c->n * k + k];
   }
 }
 
-/* Links of one way that bear without tension bear no more; those behind the first of them come again */
+/* Drops unilateral links without tension from the basis; adds those behind the first of them again */
 static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
 {
-  const PetscInt before = c->bears;
+  const PetscInt before = c->basis;
   PetscInt       first  = 0;
 
   while (first < before && (c->link[first] < both || c->t[first] > 0.0)) first++;
-  c->bears = first;
+  c->basis = first;
   for (PetscInt i = 0; i < c->n; i++) c->r[i] = f[i];
   LatinConeOrthogonal(c, c->r, NULL);
   for (PetscInt k = first; k < before; k++) {
@@ -83,31 +84,31 @@ static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
 
     c->state[l] = LATIN_CONE_SLACK;
     if (l >= both && !(t > 0.0)) continue;
-    c->t[c->bears] = t;
+    c->t[c->basis] = t;
     LatinConeAdd(c, l);
   }
 }
 
-/* Tensions of the links that bear as far towards those that leave the least as none changes its sign; false where one has become zero */
+/* Moves the tensions of the basis towards the least-squares ones, until one of a unilateral link becomes zero: false then */
 static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
 {
   PetscReal length = 1.0;
   PetscInt  stop   = -1;
 
   LatinConeTensions(c, c->next);
-  for (PetscInt k = 0; k < c->bears; k++) {
+  for (PetscInt k = 0; k < c->basis; k++) {
     if (c->link[k] < both || c->next[k] > 0.0 || c->t[k] == c->next[k]) continue;
     if (c->t[k] <= length * (c->t[k] - c->next[k])) {
       length = c->t[k] / (c->t[k] - c->next[k]);
       stop   = k;
     }
   }
-  for (PetscInt k = 0; k < c->bears; k++) c->t[k] += length * (c->next[k] - c->t[k]);
+  for (PetscInt k = 0; k < c->basis; k++) c->t[k] += length * (c->next[k] - c->t[k]);
   if (stop >= 0) c->t[stop] = 0.0;
   return (PetscBool)(stop < 0);
 }
 
-/* The link of one way that becomes longer along r, and most so; -1: none does */
+/* The unilateral link with the greatest elongation along r, above `least`; -1: none */
 static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt both, PetscReal least)
 {
   PetscInt best = -1;
@@ -124,29 +125,29 @@ static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt bot
   return best;
 }
 
-/* c->r = what `links` links, whose rows are c->row, leave of the load f; the first `both` of them bear both ways. *bears: they bear all of it, or the method has found no end */
+/* c->r = residual of the load f, borne by `links` links with rows c->row, the first `both` of them bilateral. *bears: r = 0 to rounding, or no convergence */
 void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears)
 {
   const PetscReal size = PetscSqrtReal(LatinConeDot(n, f, f));
 
   c->n     = n;
-  c->bears = 0;
+  c->basis = 0;
   *bears   = PETSC_TRUE;
   for (PetscInt i = 0; i < n; i++) c->r[i] = f[i];
   for (PetscInt l = 0; l < links; l++) c->state[l] = LATIN_CONE_SLACK;
   for (PetscInt l = 0; l < both; l++) LatinConeAdd(c, l);
   LatinConeTensions(c, c->t);
-  for (PetscInt turn = 0; turn < LATIN_CONE_TURNS * links; turn++) {
+  for (PetscInt turn = 0; turn < LATIN_CONE_CHANGES * links; turn++) {
     PetscInt l;
 
-    if (PetscSqrtReal(LatinConeDot(n, c->r, c->r)) <= LATIN_CONE_BORNE * size) return;
+    if (PetscSqrtReal(LatinConeDot(n, c->r, c->r)) <= LATIN_CONE_RESIDUAL * size) return;
     l = LatinConeLonger(c, links, both, LATIN_CONE_SIGN * size);
     if (l < 0) {
       LatinConeOrthogonal(c, c->r, NULL);
       *bears = PETSC_FALSE;
       return;
     }
-    if (LatinConeAdd(c, l)) c->t[c->bears - 1] = 0.0;
+    if (LatinConeAdd(c, l)) c->t[c->basis - 1] = 0.0;
     else c->state[l] = LATIN_CONE_SPANNED;
     while (!LatinConeMove(c, both)) LatinConeDrop(c, both, f);
   }

@@ -1,52 +1,52 @@
 #include "error/latinerror.h"
 
 /*
-   Are displacements an equilibrium? Iterates that rest prove little: a state may creep, that of a node whose load is small
-   beside the search directions of its slack links, or that of rigid links whose tensions grow without end; and a structure
-   without equilibrium moves more and more slowly beside the way that it has come. So displacements u are compared
-   with the forces r = F - B^t tau(u) that they leave without balance (error/nodalbalance.c):
+   Verdict on displacements u: are they an equilibrium? Small steps of the iteration prove little. The state may creep: at a node whose
+   load is small relative to the search directions of its slack links, or with rigid links whose tensions grow without bound; and a
+   structure without equilibrium moves more and more slowly relative to its displacements. The unbalance r = B^t tau(u) - F
+   (error/nodalbalance.c) bounds the error:
 
-   - with the row sums D of the stiffness, which is D at most, an energy error is that of D^-1 r at least, an l2 error about;
-   - a node between links that are nearly straight is far softer along its displacement than D says, and r moves it by more;
-     so does rounding of the directions of their tensions, where prestress holds it: that counts as no error, and leaves fewer digits;
-   - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
-     displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
-   - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
-   - where a motion comes to rest nothing is left to be relative to. With nodes that are held by masses, errors of r move u by less than
-     in D^-1 alone: where rounding of the forces then moves more than the error asked for of u, in the norm of D, so that light
-     nodes do not count for more than they weigh, and in the l2 norm, and of what gaps are missed by, these are held as far as digits go;
-   - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
-   - at an equilibrium r.u = 0, while along a mechanism loads work and nothing resists. Their work is compared with that of
-     tensions and loads, so that neither units nor stiffnesses matter.
+   - row sums: with D the row sums of the stiffness, K <= D, the energy error is at least |D^-1/2 r|, the l2 error about |D^-1 r|;
+   - nearly straight links: the node between them is far softer along its displacement than D, and r moves it further. Rounding of the
+     directions of tensions does so too if prestress holds the node: this is reported as `blur`, not as an error;
+   - masses: in a motion masses alone may hold the structure, and M / h^2 is soft relative to links. For the translations t of all
+     free displacements, and for t = u, t.r = t.K e with the error e, so that |e| >= |t.r| / |K t|;
+   - gaps: a closed rigid link that misses its gap by g has an error of u of at least g / sqrt(2);
+   - rest: a motion that comes to rest has no displacements to be relative to. Masses only stiffen the nodes, so D^-1 bounds the
+     displacements due to rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their
+     weight, and in the l2 norm, and that of missed gaps, the step is accurate to rounding (`still`);
+   - unheld nodes: where the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
+   - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and
+     loads, independent of units and stiffnesses.
 */
 
-#define LATIN_FORCE_NOISE  8.0                          /* times eps, of the forces that meet at a node: rounding of their sum */
-#define LATIN_FORCE_FACTOR 10.0                         /* on the first of the above; then, on structures of all kinds, it is 0.06 of the target at most where that has been met */
-#define LATIN_MOVED_FACTOR 1.8                          /* on the second, as on estimates of l2 errors */
-#define LATIN_UNHELD       0.5                          /* of the forces at a node: a larger unbalance, and nothing holds it; of the largest of some numbers: so are those that count */
-#define LATIN_WORK_LEFT    0.5                          /* part of the work that tensions do not balance: near 0 at a solution of any accuracy, 1 in free fall */
-#define LATIN_WORK_CANCELS 0.03                         /* part of the works by themselves below which their sum counts as 0: that of a prestress */
-#define LATIN_GAP_NONE     1e3                          /* times eps, of tau / l: displacements of links without gaps that are none */
-#define LATIN_POINT        64.0                         /* times eps, of the size of the structure: less than coordinates show */
-#define LATIN_GAP_POINT    4.0                          /* the same of gaps and prescribed displacements */
+#define LATIN_FORCE_NOISE  8.0                          /* times eps, of the forces at a node: rounding of their sum */
+#define LATIN_FORCE_FACTOR 10.0                         /* safety factor on the error by row sums; with it, on structures of all kinds, that is at most 0.06 of a target that has been met */
+#define LATIN_MOVED_FACTOR 1.8                          /* safety factor on the error by masses, as on estimates of l2 errors */
+#define LATIN_UNHELD       0.5                          /* a node is unheld if its unbalance exceeds this part of its forces; entities are listed if they exceed this part of the largest one */
+#define LATIN_WORK_LEFT    0.5                          /* largest r.u of an equilibrium, relative to the works: about 0 at a solution of any accuracy, 1 in free fall */
+#define LATIN_WORK_CANCELS 0.03                         /* weight of the absolute works of each link and load in these works: a prestress whose work cancels leaves rounding */
+#define LATIN_GAP_NONE     1e3                          /* times eps, of tau / l: displacements of links without gaps that count as zero */
+#define LATIN_POINT        64.0                         /* times eps, of the size of the structure: displacements below the rounding of coordinates */
+#define LATIN_GAP_POINT    4.0                          /* the same for gaps and prescribed displacements */
 #define LATIN_SOFT         LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
-#define LATIN_PUSH         1e-9                         /* of the loads: less along a step is rounding */
-#define LATIN_LOAD_LEFT    0.1                          /* part of the loads that tensions do not balance along a mechanism */
-#define LATIN_JAM_STAGES   100                          /* damped linear stages, after which tensions that grow without end show it; 25 find every jam tried, 6 do not */
-#define LATIN_JAM_FAR      10.0                         /* times the displacements: so far no displacement meets links that are jammed */
+#define LATIN_PUSH         1e-9                         /* of the loads: their rounding along a step */
+#define LATIN_LOAD_LEFT    0.1                          /* least part of the loads along a mechanism that tensions do not balance */
+#define LATIN_JAM_STAGES   100                          /* damped linear stages after which growing tensions are a self-stress; 25 find every jam tried, 6 do not */
+#define LATIN_JAM_FAR      10.0                         /* times the displacements: size up to which a jam is proved */
 
-/* What nodes sum up to */
+/* Sums over nodes */
 typedef struct {
-  PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
-  PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
-  PetscReal hidden;                       /* squares of the rounding of r */
-  PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of what links bear at nodes */
+  PetscReal error;                        /* squared error by row sums, in the norm of the estimate */
+  PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, sum of absolute values */
+  PetscReal hidden;                       /* squared rounding of r */
+  PetscReal left, all, load, bearing;     /* squares of r beyond rounding, of r, of the loads, of the tensions at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
-  PetscReal along, blur;                  /* squares of what each node is wrong by along its displacement, and of what rounded directions of tensions move it along that */
-  PetscReal u[2], hides[2];               /* squares of u, and of what rounding of r moves, in the norm of D and the l2 norm */
+  PetscReal along, blur;                  /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
+  PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
-/* The size of a structure, the diagonal of the box around its nodes, and the largest prescribed displacement. Collective on structure */
+/* size: diagonal of the bounding box of the nodes; prescribed: largest prescribed displacement. Collective on structure */
 PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size, PetscReal *prescribed)
 {
   const PetscInt dim = structure->dim;
@@ -67,7 +67,7 @@ PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *s
   PetscFunctionReturn(0);
 }
 
-/* Displacements of so small an l2 norm are less than coordinates show; in a motion no coordinate counts, but the strains that the step starts from. Collective on structure */
+/* least: l2 norm of displacements below the rounding of coordinates; in a motion, of the initial strains of the step. Collective on structure */
 PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal *least)
 {
   PetscReal size = 0.0, prescribed;
@@ -81,7 +81,7 @@ PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal
   PetscFunctionReturn(0);
 }
 
-/* Are displacements larger than the structure and than what is prescribed? The theory is of small ones, so that few solutions need a proof. Collective on structure */
+/* *far: u exceeds the size of the structure and the prescribed displacements. As the theory is of small displacements, few solutions do, and only these need a proof. Collective on structure */
 PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, PetscBool *far)
 {
   PetscReal size, prescribed, most;
@@ -93,7 +93,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionReturn(0);
 }
 
-/* How many nodes or links are listed on all ranks, and the least of them; `mine` has those of this rank. Collective on comm */
+/* total: count on all ranks of nodes or links; list: the LATIN_LISTED lowest of them, from `mine` of each rank. Collective on comm */
 static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
 {
   PetscMPIInt ranks;
@@ -111,14 +111,14 @@ static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* Nodes that nothing holds */
+/* Unheld nodes */
 typedef struct {
-  PetscInt  count, least[LATIN_LISTED]; /* of this rank; the least of their numbers */
-  PetscInt  more[2];                    /* without end, hidden by rounding */
-  PetscReal sum;                        /* squares of how far they move */
+  PetscInt  count, least[LATIN_LISTED]; /* on this rank; lowest numbers */
+  PetscInt  more[2];                    /* number of those that no link stops, and of those whose load is below rounding */
+  PetscReal sum;                        /* squared distances to where links stop them */
 } LatinUnheld;
 
-/* A node that nothing holds is one of them; one that no link would stop has no end, and of some rounding hides it */
+/* Adds a node to `unheld` if nothing holds it */
 static void LatinUnheldNode(const LatinNode *at, PetscInt dim, PetscInt number, LatinUnheld *unheld)
 {
   PetscReal push = 0.0, load = 0.0;
@@ -147,7 +147,7 @@ static void LatinUnheldNode(const LatinNode *at, PetscInt dim, PetscInt number, 
   else unheld->more[0]++;
 }
 
-/* Those of all ranks, and how far they move. Collective on comm */
+/* Reduces the unheld nodes over all ranks to *found. Collective on comm */
 static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, LatinEquilibrium *found)
 {
   PetscFunctionBegin;
@@ -159,7 +159,7 @@ static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, La
   PetscFunctionReturn(0);
 }
 
-/* One component c of a node */
+/* Adds component c of a node */
 static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
@@ -179,7 +179,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->u[1] += PetscSqr(at->u[c]);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
-  sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* of a mass in flight the two cancel */
+  sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* the two cancel at a mass in flight */
   sum->moved[c] += at->r[c];
   sum->noise[c] += noise;
   for (PetscInt d = 0; d < dim; d++) sum->stiff[d] += PetscSqr(at->translation[3 * d + c] + (c == d ? ground : 0.0));
@@ -189,8 +189,8 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
 }
 
 /*
-   What a node is wrong by along its displacement, or back along it, where no link that may bear is in the way: what pushes it moves it against the links that
-   bear, beyond rounding. Between links that are nearly straight it is softer than row sums say, by orders
+   Adds the error of a node along its displacement: the unbalance beyond rounding over the stiffness of its taut links, unless a
+   link whose state is uncertain blocks that way. Between nearly straight links the node is softer than its row sums by orders of magnitude
 */
 static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, LatinNodalSums *sum)
 {
@@ -201,13 +201,13 @@ static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, La
     push += at->r[c] * at->u[c];
     size += PetscSqr(at->u[c]);
   }
-  if (!(held > 0.0) || at->closed[push > 0.0 ? 1 : 0] > 0.0) return; /* r is B^t tau(u) - F */
+  if (!(held > 0.0) || at->closed[push > 0.0 ? 1 : 0] > 0.0) return; /* -r moves the node */
   push = PetscMax(0.0, PetscAbsReal(push) - at->hides);
   sum->along += (energy ? held : size) * PetscSqr(PetscMin(1.0, push / held));
   sum->blur += (energy ? held : size) * PetscSqr(PetscMin(1.0, 0.5 * PETSC_MACHINE_EPSILON * at->turns / held));
 }
 
-/* What the nodes visited add up to */
+/* Context of LatinNodeJudge() */
 typedef struct {
   PetscInt       dim;
   PetscBool      energy;
@@ -224,7 +224,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
 
-/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements; still: a step of a motion is at rest. Collective */
+/* missed: greatest distance by which rigid links miss their gaps; 0 if displacements and gaps are rounding. norm: l2 norm of u; still: as in LatinEquilibrium. Collective */
 static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
@@ -235,7 +235,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   *missed = 0.0;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   if (structure->ground && !still) *missed = balance->gap;
-  if (structure->ground) PetscFunctionReturn(0); /* no gap and no coordinate counts: closed links let nothing move */
+  if (structure->ground) PetscFunctionReturn(0); /* a time step has neither gaps nor coordinates to compare with: closed links */
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
@@ -246,9 +246,8 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
 }
 
 /*
-   The verdict on displacements u that leave the forces r without balance: whether they are an equilibrium to a relative
-   error of `target`, in the energy or the l2 norm. `more` is a load beside that of the structure, or NULL; `rests`: the
-   state of the iteration moves no more but by rounding. Collective on structure
+   The verdict on displacements u with the unbalance r: are they an equilibrium to a relative error of `target`, in the energy or the
+   l2 norm? `more`: an additional load, or NULL; `rests`: the iteration stagnates at rounding. Collective on structure
 */
 PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *found)
 {
@@ -284,19 +283,19 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);
   found->missed = missed;
-  PetscCall(PetscInfo(structure, "Forces without balance: %g of the loads; gaps are missed by %g of the displacements\n", (double)found->unbalance, (double)missed));
+  PetscCall(PetscInfo(structure, "Unbalance %g of the loads; gaps missed by %g of the displacements\n", (double)found->unbalance, (double)missed));
 
-  /* the work of the tensions is r.u less that of the loads */
+  /* the work of the tensions is r.u minus that of the loads */
   works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);
   if (far && (sum.load > 0.0 || !found->balanced) && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
-    PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));
+    PetscCall(PetscInfo(structure, "Displacements larger than the structure: %g of the work of tensions and loads is not balanced\n", (double)(PetscAbsReal(sum.work) / works)));
   } else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
   else found->verdict = missed > target && (rests || found->hidden) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
   PetscFunctionReturn(0);
 }
 
-/* The verdict LATIN_UNBOUNDED, with the nodes that these displacements move. Collective on structure */
+/* Sets the verdict LATIN_UNBOUNDED and lists the nodes that `step` moves most. Collective on structure */
 PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step, LatinEquilibrium *found)
 {
   const PetscInt dim = structure->dim;
@@ -311,7 +310,7 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
     PetscReal size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
-    if (!(size > 0.0) || size < LATIN_UNHELD * most) continue; /* a clamped node does not move, whatever `most` is */
+    if (!(size > 0.0) || size < LATIN_UNHELD * most) continue; /* clamped nodes: even if `most` is 0 */
     if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
     count++;
   }
@@ -323,9 +322,9 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
 }
 
 /*
-   A step of Newton's method along which no link resists, however far it goes, and along which the loads push: the energy
-   has no least value, and the verdict is LATIN_UNBOUNDED, with the nodes that move. Else *found stays. Links that will
-   resist once a gap has closed are no mechanism. r: what was without balance after the step. Collective on structure
+   Is a Newton step a mechanism: no link resists it at any amplitude, and the loads do work on it? Then the energy is unbounded below, and
+   the verdict is LATIN_UNBOUNDED, with the nodes that move; else *found is unchanged. A link that resists once its gap has
+   closed is not part of a mechanism. r: unbalance after the step. Collective on structure
 */
 PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
 {
@@ -343,24 +342,26 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   PetscCall(VecNorm(structure->load, NORM_2, &load));
   if (more) PetscCall(VecNorm(more, NORM_2, &beside));
   if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
-  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* the step is taken off: a node without load that nothing holds moves by rounding alone */
+  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* -step is the motion; an unheld node without load moves by rounding alone */
   PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
   PetscFunctionReturn(0);
 }
 
 /*
-   Rigid links that no displacement meets together. Their tensions grow for ever, by the same self-stress dtau from one stage
-   of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
-   strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements of the size of the structure, or
-   ten times as large as u, there are none, and the verdict is LATIN_JAMMED; else *found stays. `claims`: u would be called the solution,
-   and those ten times as large are enough; `stays`: what links miss of their gaps stays, whatever their stiffness: then the work alone is proof enough,
-   where no tension falls in return, which ends at zero.
-   `dtau` has the links of this rank: what is not of a rigid link, or grows less, or not the way that the law admits, proves nothing and becomes zero.
+   Jammed rigid links: no kinematically admissible displacement exists. The tensions of jammed links grow without bound, by the same
+   self-stress dtau from one stage of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0. All admissible
+   strains x have dtau . x = dtau . (e0 + B u) <= 0 [J. Farkas]. If dtau . e0 > 0, by more than B^t dtau can balance on
+   displacements of the size of the structure, or 10 times as large as u, there are none. The verdict is LATIN_JAMMED then; else *found is
+   unchanged.
+
+   `claims`: the solver would accept u as the solution: displacements 10 times as large as u suffice. `stays`: the gaps missed stay the same
+   whatever the stiffness of the links: the work alone suffices, unless a tension decreases, which ends at zero.
+   dtau: [links_local] increments; those of elastic links, and of the sign that the law does not admit, are set to zero.
    Collective on structure
 */
 PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool claims, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself; what grows, and what is let go */
+  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x; /* work on gaps and prescribed displacements, sum of absolute works; largest increase and decrease of tensions */
   PetscInt  mine[LATIN_LISTED], count    = 0;
   Vec       forces;
 
@@ -368,7 +369,7 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(DMGetGlobalVector(structure->dm, &forces));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* what is prescribed, and nothing else */
+  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* e0 and prescribed displacements alone */
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid ? sign * dtau[l] : 0.0;
 
@@ -400,8 +401,8 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
 }
 
 /*
-   Damped stages from the start show whether rigid links are jammed: the verdict is LATIN_JAMMED then, else *found stays.
-   z and work are of the length of a state. Displacements in the subdomains are lost, tensions of links stay. Collective on latin
+   Runs damped stages from the initial state and tests their last increment of tensions for a jam: the verdict is LATIN_JAMMED then, else
+   *found is unchanged. z and work: states, overwritten. Overwrites linear.U; restores the tensions of rigid links. Collective on latin
 */
 PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, LatinEquilibrium *found)
 {
@@ -411,7 +412,7 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   Vec            u;
 
   PetscFunctionBegin;
-  if (structure->rigid_law < 0 || structure->rubs || structure->ground) PetscFunctionReturn(0); /* rigid links of a time step have no gaps, or do not bear */
+  if (structure->rigid_law < 0 || structure->rubs || structure->ground) PetscFunctionReturn(0); /* rigid links of a time step have no gap, or are open */
   PetscCall(PetscMalloc2(structure->links_local, &before, structure->links_local, &dtau));
   PetscCall(PetscArraycpy(before, latin->linear.rigid_tension, structure->links_local));
   PetscCall(LatinInitialState_Private(&latin->linear, z));
@@ -421,7 +422,7 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
       PetscCall(PetscArraycpy(dtau, latin->linear.rigid_tension, structure->links_local));
     }
     PetscCall(LatinApply_Private(&latin->linear, z, work));
-    PetscCall(VecAXPBY(z, 0.5, 0.5, work)); /* damped, or tensions would only swing */
+    PetscCall(VecAXPBY(z, 0.5, 0.5, work)); /* damped, or tensions would oscillate */
   }
   PetscCall(DMGetGlobalVector(structure->dm, &u));
   PetscCall(LatinAverage_Private(&latin->linear, u));

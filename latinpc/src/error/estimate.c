@@ -1,41 +1,41 @@
 #include "error/latinerror.h"
 
 /*
-   An estimate of the error of the displacements while the true ones are not known. Two facts carry it:
+   A posteriori estimate of the error of the displacements, from the iterates alone. It uses two facts:
 
-   - the error of an earlier iterate is its distance to the present one, once that is much better;
-   - near the solution the map z -> z - G(z) is linear, so that the errors of the iterates are to the distances between
-     their two stages (stages/local.c) as the operator's slow and fast fields decide. That ratio changes slowly.
+   - the error of an earlier iterate is about its distance to the present one, once that is much better;
+   - near the solution the map z -> z - G(z) is linear: the ratio of the error of an iterate to the distance between its two
+     stages (stages/local.c) depends on its slow and fast modes, and changes slowly.
 
-   So the largest ratio among the last iterates, times the present distance, estimates the present error:
-   max_j |U_j - U_k| / distance_j * distance_k. The window must be longer than the slowest fields take to show: the later
-   half of all iterates, of which 32 at least are kept, evenly spaced. A factor calibrated on one set of structures
-   (benchmarks/effectivity.py) and tested on another makes it safe. A field that creeps without showing in the distance
-   of the stages, as links about to slacken do, is caught by extrapolation [A. C. Aitken]: steps that shrink by a rate q
-   sum up to q / (1 - q) times the last one.
+   So the largest ratio of the last iterates, times the present distance, estimates the present error:
+   max_j |U_j - U_k| / distance_j * distance_k. The window must cover the slowest modes: it is the later half of all
+   iterates, of which at least 32 are stored, evenly spaced. A safety factor is calibrated on one set of structures
+   (benchmarks/effectivity.py) and tested on another. Modes that creep without effect on the distance of the stages, as those
+   of links about to slacken, need extrapolation [A. C. Aitken]: steps that decrease by a rate q sum up to q / (1 - q) times
+   the last one.
 
-   Distances are those of random projections of the displacements, a few hundred numbers instead of millions: each
-   degree of freedom is added to one number of the sketch, with a random sign, which keeps distances to
-   sqrt(1 / (2 ROWS)) [M. Charikar, K. Chen, M. Farach-Colton: count sketch]. Number and sign follow from the place of the
+   Distances are computed from random projections (sketches) of the displacements, a few hundred numbers instead of
+   millions: each degree of freedom is added to one entry of the sketch, with a random sign, which preserves distances to
+   sqrt(1 / (2 ROWS)) [M. Charikar, K. Chen, M. Farach-Colton: count sketch]. Entry and sign are a hash of the place of the
    degree of freedom in its subdomain, so that they do not depend on the number of ranks.
 */
 
-#define LATIN_ESTIMATE_ROWS   256  /* numbers of a sketch: distances to 1 / sqrt(2 ROWS), 4 % */
-#define LATIN_ESTIMATE_BITS   9    /* of an entry: its row, of 2^8, and its sign */
-#define LATIN_ESTIMATE_SHARE  6    /* entries that share 64 bits */
-#define LATIN_ESTIMATE_WINDOW 64   /* most iterates kept: even, for half of them go */
-#define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
-#define LATIN_ESTIMATE_STEP   4    /* at least so many iterates between those that are extrapolated */
-#define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
+#define LATIN_ESTIMATE_ROWS   256  /* entries of a sketch: distances to 1 / sqrt(2 ROWS), 4 % */
+#define LATIN_ESTIMATE_BITS   9    /* random bits of a degree of freedom: its entry, of 2^8, and its sign */
+#define LATIN_ESTIMATE_SHARE  6    /* degrees of freedom that share a hash of 64 bits */
+#define LATIN_ESTIMATE_WINDOW 64   /* most iterates stored: even, as half of them are dropped when it is full */
+#define LATIN_ESTIMATE_SHORT  4    /* least number of earlier iterates in the window, if there are as many */
+#define LATIN_ESTIMATE_STEP   4    /* least number of iterates between those of the extrapolation */
+#define LATIN_ESTIMATE_RATE   0.98 /* upper bound of the rate of the extrapolation */
 #define LATIN_ESTIMATE_NOISE  64.0 /* times eps, of the displacements at the ends of a link times its search parameter: rounding of its tension */
-#define LATIN_ESTIMATE_FIRST  3    /* iterates before which there is nothing to say; with rigid links one more, or a warm start with a soft error seems converged */
-#define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
+#define LATIN_ESTIMATE_FIRST  3    /* iterates before the first estimate; one more with rigid links, or a warm start with a slow mode in its error seems converged */
+#define LATIN_ESTIMATE_EARLY  10.0 /* safety factor of the first iterates, 1 + 10 / iterates, as their window is short */
 
-#define LATIN_ESTIMATE_MOVING 10.0 /* more caution in motions with rigid links, of which no balance with loads is asked: masses stand on soft springs, which show late */
+#define LATIN_ESTIMATE_MOVING 10.0 /* safety factor of motions with rigid links, whose unbalance is not checked: masses are soft springs, slow modes that appear late */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Fields with an estimate each: displacements, and with rigid links tensions, which do not follow from them */
+/* Fields with an estimate each: displacements, and with rigid links tensions, which displacements do not determine */
 static inline PetscInt LatinEstimateFields(Latin latin)
 {
   return latin->sub.structure->rigid_law < 0 ? 1 : 2;
@@ -59,20 +59,20 @@ PetscErrorCode LatinEstimateStart_Private(Latin latin, LatinEstimate *estimate)
   PetscFunctionReturn(0);
 }
 
-/* An entry is added to one of the numbers of a sketch with a sign, both random bits; behind it is the squared norm */
+/* Adds v to the entry of a sketch, with the sign, given by random bits, and v^2 to the squared norm behind the sketch */
 static inline void LatinEstimateAdd(PetscReal sketch[], uint64_t bits, PetscReal v)
 {
   sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? v : -v;
   sketch[LATIN_ESTIMATE_ROWS] += v * v;
 }
 
-/* Random bits that follow from a place in a subdomain */
+/* Hash of a place in a subdomain */
 static inline uint64_t LatinEstimateBits(PetscInt subdomain, PetscInt place)
 {
   return LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)place) >> 1;
 }
 
-/* This rank's part of the sketch of the displacements */
+/* Adds the displacements of this rank to a sketch */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -90,7 +90,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
   }
 }
 
-/* The same of the tensions, where some links are rigid; behind it is the square of what rounding of the displacements makes of them */
+/* The same for the tensions, if there are rigid links; behind the norm is the squared rounding of the tensions */
 static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -104,18 +104,18 @@ static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
     while (l >= sub->link_offset[s + 1]) s++;
     LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), sub->state[l] >= 0 ? latin->linear.tension[sub->state[l]] : sub->stiffness[l] * (sub->e0[l] + LatinElongation(sub, dim, l, U)));
     for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(U[a + c]) + PetscAbsReal(U[b + c]));
-    for (PetscInt c = 0; c < dim && sub->ground; c++) held += PetscAbsReal(sub->direction[dim * l + c]) * (sub->ground[a + c] * PetscAbsReal(U[a + c]) + sub->ground[b + c] * PetscAbsReal(U[b + c])); /* heavy nodes */
+    for (PetscInt c = 0; c < dim && sub->ground; c++) held += PetscAbsReal(sub->direction[dim * l + c]) * (sub->ground[a + c] * PetscAbsReal(U[a + c]) + sub->ground[b + c] * PetscAbsReal(U[b + c])); /* at heavy nodes */
     sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * (sub->stiffness[l] * ends + held));
   }
 }
 
-/* What rounding leaves of the present displacements. Where no load acts and no link is strained but by rounding, supports have moved the structure as a rigid body: nothing is lost */
+/* Sets estimate->floor, the rounding error of the displacements. Without loads and strains beyond rounding, supports have moved the structure as a rigid body: no digits are lost. Collective on latin */
 PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
 {
   const LatinSubdomains *sub    = &latin->sub;
   const PetscInt         dim    = latin->sub.structure->dim;
   const PetscReal       *U      = latin->linear.U;
-  PetscReal              sum[3] = {0.0, 0.0, 0.0}; /* of the displacements of ends, of strains, of loads */
+  PetscReal              sum[3] = {0.0, 0.0, 0.0}; /* squares: displacements of ends and strains, in energy; loads */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -128,11 +128,11 @@ PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
       a += n[c] * ua[c];
       b += n[c] * ub[c];
     }
-    if (tension != 0.0) sum[1] += tension * tension / sub->stiffness[l]; /* what a rigid link bears shows as much as a strain */
+    if (tension != 0.0) sum[1] += tension * tension / sub->stiffness[l]; /* the tension of a rigid link counts like a strain */
     sum[0] += sub->stiffness[l] * (a * a + b * b);
     sum[1] += sub->stiffness[l] * (b - a) * (b - a);
   }
-  for (PetscInt i = 0; sub->ground && i < dim * sub->copies; i++) { /* in a motion masses hold what no link does */
+  for (PetscInt i = 0; sub->ground && i < dim * sub->copies; i++) { /* masses of a motion */
     sum[0] += sub->ground[i] * U[i] * U[i];
     sum[1] += sub->ground[i] * U[i] * U[i];
   }
@@ -148,7 +148,7 @@ static inline PetscReal LatinEstimateDistance(const LatinEstimate *estimate, Pet
   return estimate->sketch[(i + 1) * estimate->width - 1];
 }
 
-/* How far a field has moved between two stored iterates */
+/* Distance of a field between two stored iterates */
 static PetscReal LatinEstimateFar(const LatinEstimate *estimate, PetscInt field, PetscInt i, PetscInt j)
 {
   const PetscReal *a = estimate->sketch + i * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1), *b = a + (j - i) * estimate->width;
@@ -167,7 +167,7 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
   const PetscReal noise = field ? PetscSqrtReal(estimate->sketch[(last + 1) * estimate->width - 2]) : 0.0;
   PetscReal       worst = 0.0, error, before, now, rate;
 
-  if (field && norm <= noise) return 0.0; /* tensions that are none */
+  if (field && norm <= noise) return 0.0; /* tensions are all rounding */
   for (PetscInt i = first; i < last; i++) {
     if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, (LatinEstimateFar(estimate, field, i, last) - noise) / LatinEstimateDistance(estimate, i));
   }
@@ -179,14 +179,14 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
     if (LatinEstimateDistance(estimate, last - step) > 0.0) rate = PetscMax(rate, LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - step));
     rate  = PetscMin(rate, LATIN_ESTIMATE_RATE);
     error = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
-  } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates for that: stages that come closer as slowly leave as much */
+  } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates for that: the rate of the distance of the stages instead */
     rate = PetscMin(LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - 1), LATIN_ESTIMATE_RATE);
     error /= 1.0 - rate;
   }
   return norm > 0.0 ? error / norm : error;
 }
 
-/* Sketches of this iterate; where there is no more room, every other one of the past is forgotten. Collective on latin */
+/* Stores the sketches of this iterate; drops every other iterate when the window is full. Collective on latin */
 static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *estimate)
 {
   const PetscInt width = estimate->width;
@@ -212,9 +212,9 @@ static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *est
 }
 
 /*
-   After an application of the fixed-point map: the estimated relative error of its displacements, and of the tensions of
-   rigid links. Before the first few there is nothing to say: 1. With a target below what rounding leaves, `rounding` says
-   that this has been reached.
+   Updates the estimated relative errors of the displacements, and of the tensions of rigid links, after an application of the fixed-point map.
+   They are 1 at the first few iterates. `rounding` is set when the error reaches a floor of rounding above the target.
+   Collective on latin
 */
 PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinEstimate *estimate)
 {

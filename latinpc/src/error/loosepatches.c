@@ -1,30 +1,30 @@
 #include "error/latinerror.h"
 
 /*
-   Patches that nothing holds: a node and those that its links lead to, with all others in their places. Irregular structures whose nodes
-   their own links hold are loose at a few nodes together as a rule, however large they are and whatever else of them moves. A
-   displacement of a patch along which loads push and that no link resists is one of the structure: a proof, see error/collapse.c.
+   Loose patches: mechanisms of a node and its neighbours, all other nodes fixed. Irregular structures without equilibrium and without
+   loose nodes have loose patches as a rule, whatever their size. A mechanism of a patch on which loads do work is one of the
+   structure: it proves that there is no equilibrium, see error/collapse.c.
 
-   Patches are made on the rank that has all links of their nodes; others of their nodes stay in their places.
+   A patch has those of its nodes whose links are all on this rank; the others count as fixed.
 */
 
-#define LATIN_PATCH_NODES 32  /* of a patch: the time grows with the third power, and networks have 17 at most */
-#define LATIN_PATCH_LINKS 512 /* at these nodes */
+#define LATIN_PATCH_NODES 32  /* most nodes of a patch: the time grows with the third power, and networks have at most 17 */
+#define LATIN_PATCH_LINKS 512 /* most links at these nodes */
 
 typedef struct {
   LatinStructure structure;
   PetscInt      *first, *at;            /* links at vertices: those of vertex v from first[v] on */
-  PetscReal     *told;                  /* [vertices][2 dim + 1] of their nodes: loads, whether they are free, links on all ranks */
+  PetscReal     *told;                  /* [vertices][2 dim + 1] data of nodes: loads, 1 if free, links on all ranks */
   PetscInt      *place;                 /* [vertices] in the patch, or -1 */
   PetscBool     *has;                   /* [links_local] is in the patch */
-  PetscInt       vertices, links, both; /* of the patch: both ways */
+  PetscInt       vertices, links, both; /* numbers in the patch; both: bilateral links */
   PetscInt       vertex[LATIN_PATCH_NODES];
-  PetscInt       link[LATIN_PATCH_LINKS]; /* those that resist both ways come first */
+  PetscInt       link[LATIN_PATCH_LINKS]; /* bilateral links first */
   PetscInt       unknowns;
-  PetscInt       unknown[3 * LATIN_PATCH_NODES]; /* of the displacements of its vertices, -1: fixed */
+  PetscInt       unknown[3 * LATIN_PATCH_NODES]; /* number of each displacement, -1: fixed */
   PetscReal      f[3 * LATIN_PATCH_NODES];       /* loads */
   PetscReal      largest;                        /* load of the structure */
-  PetscReal     *A;                              /* operator where all links are bars */
+  PetscReal     *A;                              /* stiffness if all links are bars */
   LatinCone      cone;
 } LatinPatch;
 
@@ -36,7 +36,7 @@ static inline PetscBool LatinPatchWhole(const LatinPatch *p, PetscInt v)
   return (PetscBool)(links && links == (PetscInt)p->told[(2 * p->structure->dim + 1) * v + 2 * p->structure->dim]);
 }
 
-/* The links at the vertices of this rank, and what their nodes tell them. Collective on structure */
+/* Sets the links at the vertices of this rank, and the data of their nodes. Collective on structure */
 static PetscErrorCode LatinPatchGather_Private(LatinPatch *p, Vec load)
 {
   const LatinStructure structure = p->structure;
@@ -73,7 +73,7 @@ static PetscErrorCode LatinPatchGather_Private(LatinPatch *p, Vec load)
   PetscFunctionReturn(0);
 }
 
-/* A vertex joins the patch, with its links, if it is whole and there is room */
+/* Adds a vertex and its links to the patch, if all its links are here and there is room */
 static void LatinPatchJoin(LatinPatch *p, PetscInt v)
 {
   if (p->place[v] >= 0 || !LatinPatchWhole(p, v) || p->vertices == LATIN_PATCH_NODES || p->links + p->first[v + 1] - p->first[v] > LATIN_PATCH_LINKS) return;
@@ -104,7 +104,7 @@ static void LatinPatchMake(LatinPatch *p, PetscInt centre)
   }
 }
 
-/* The rows of its links, those that resist both ways first; links that resist nothing are left out */
+/* Rows of the links, bilateral ones first, without those that never resist */
 static void LatinPatchRows(LatinPatch *p)
 {
   const LatinStructure structure = p->structure;
@@ -118,7 +118,7 @@ static void LatinPatchRows(LatinPatch *p)
       PetscBool      bears;
       PetscInt       way = LatinLinkWay(structure, l, &bears);
 
-      if (bears) way = LATIN_WAY_BOTH; /* along a displacement that does not stretch it what it bears does no work */
+      if (bears) way = LATIN_WAY_BOTH; /* its tension does no work on displacements that do not stretch it */
       if (way == LATIN_WAY_NONE || (way == LATIN_WAY_BOTH) != !pass) continue;
       for (PetscInt j = 0; j < n; j++) row[j] = 0.0;
       for (PetscInt j = 0; j < 2 * dim; j++) {
@@ -131,10 +131,10 @@ static void LatinPatchRows(LatinPatch *p)
     if (!pass) p->both = count;
   }
   for (PetscInt i = 0; i < p->links; i++) p->has[p->link[i]] = PETSC_FALSE;
-  p->links = count; /* of rows */
+  p->links = count; /* from here on: number of rows */
 }
 
-/* Is r of the cone a proof? Its length becomes 1 */
+/* Is r of the cone a proof? Normalises r */
 static PetscBool LatinPatchProves(LatinPatch *p)
 {
   const PetscInt n    = p->unknowns;
@@ -171,7 +171,7 @@ static PetscBool LatinPatchProves(LatinPatch *p)
   return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), p->largest / PetscSqrtReal(tension), resisted, all));
 }
 
-/* How the vertices of loose patches of this rank move, [vertices][dim]: the sum of the first ones, for they overlap; how many these are */
+/* Adds the mechanisms of loose patches, which may overlap, to move, [vertices][dim]. count: loose patches found here, at most LATIN_LISTED */
 static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], PetscInt *count)
 {
   const PetscInt dim = p->structure->dim;
@@ -194,7 +194,7 @@ static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], Pe
   PetscFunctionReturn(0);
 }
 
-/* Room for a patch and its cone. Collective on nothing */
+/* Allocates a patch and its cone. Not collective */
 static PetscErrorCode LatinPatchRoom_Private(LatinPatch *p)
 {
   const LatinStructure structure = p->structure;
@@ -220,7 +220,7 @@ static PetscErrorCode LatinPatchFree_Private(LatinPatch *p)
   PetscFunctionReturn(0);
 }
 
-/* The verdict is LATIN_UNBOUNDED where a patch is loose, with its nodes; else *found stays. `more` is a load beside that of the structure, or NULL. Collective on structure */
+/* Sets the verdict LATIN_UNBOUNDED with the nodes of loose patches, if any; else *found is unchanged. `more`: an additional load, or NULL. Collective on structure */
 PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec more, LatinEquilibrium *found)
 {
   const PetscInt dim = structure->dim;
@@ -241,11 +241,11 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   PetscCall(VecNorm(step, NORM_INFINITY, &p->largest));
   PetscCall(LatinPatchGather_Private(p, step));
   PetscCall(LatinPatchFind_Private(p, move, &count));
-  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM)); /* one rank alone has all links of a node */
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM)); /* the links of a node in a patch are all on one rank: no sum over ranks */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureNodalVec_Private(structure, node, step));
   if (count) PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
-  PetscCall(PetscInfo(structure, "%" PetscInt_FMT " patches are loose\n", count));
+  PetscCall(PetscInfo(structure, "%" PetscInt_FMT " loose patches\n", count));
   PetscCall(DMRestoreGlobalVector(structure->dm, &step));
   PetscCall(PetscFree2(move, node));
   PetscCall(LatinPatchFree_Private(p));

@@ -1,19 +1,19 @@
 #include "error/latinerror.h"
 
 /*
-   What the links bear at each node, how much of it is rounding, what the forces without balance meet when they move a node,
-   and by how much rigid links miss their gaps. error/equilibrium.c draws the conclusions, node by node: the nodes of all the
-   vertices at once would be the largest array of a solve.
+   Nodal balance: forces of links at each node and their rounding, the resistance of links against the unbalance, and the distances
+   by which rigid links miss their gaps. error/equilibrium.c visits the nodes one by one: all of them at once would be the
+   largest array of a solve.
 */
 
-#define LATIN_NODAL_PIECES 8     /* of the vertices, one after the other; each takes a pass over the links */
-#define LATIN_STICKS       0.999 /* of the greatest friction: below it a contact sticks */
+#define LATIN_NODAL_PIECES 8     /* pieces of the vertices, one after the other; each takes a pass over the links */
+#define LATIN_STICKS       0.999 /* a contact sticks below this part of its Coulomb limit */
 #define LATIN_GAP_NOISE    4.0   /* times eps, of the displacements and the gap of a link: rounding of its elongation */
 
-/* Free displacements and forces at the vertices of the DM here */
+/* Local vectors: displacements, 1 at free dofs, unbalance, loads, springs to the ground */
 enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
 
-/* The vectors of a check at the vertices here. Collective on structure */
+/* Scatters the vectors of a check to the vertices here. Collective on structure */
 static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec r, Vec more, Vec local[])
 {
   Vec work;
@@ -34,7 +34,7 @@ static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionReturn(0);
 }
 
-/* By how much a rigid link misses its gap; moved: what its ends move along it */
+/* Distance by which a rigid link misses its gap, beyond rounding; moved: sum of the absolute displacements of its ends along it */
 static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal moved)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -53,7 +53,7 @@ static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal 
   return PetscMax(0.0, missed - noise);
 }
 
-/* What a link opposes to a motion of one of its ends along which its strain x changes at this rate, a force each: 1 / displacement at which it holds the force `push` */
+/* Resistance of a link to a motion of one of its ends that strains it at this rate: 1 / displacement at which it balances the force `push` */
 static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal rate, PetscReal push)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -69,9 +69,9 @@ static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal
 }
 
 /*
-   What one link adds along the displacement of one of its ends, which is `own` of its elongation. Where rounding hides whether it bears, its tension counts for
-   nothing, and that way which would strain it is closed; so are both ways of a rigid link that bears or touches. each: of the components of that displacement by themselves;
-   a link across it is no hold. reach: of numbers that are rounded
+   Adds a link along the displacement of one of its ends; own: elongation by this displacement. If rounding hides whether the link bears, its
+   tension is not counted, and the way that would strain it is closed; a rigid link that bears or touches closes both ways. each: sum of the
+   absolute elongations by the components of the displacement; a link orthogonal to it does not hold. reach: magnitude of the numbers that are rounded
 */
 static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, LatinNode *at)
 {
@@ -86,12 +86,12 @@ static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tens
     if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
   } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * each) {
     at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
-    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each; /* an elongation acts along its link, and each component of its force is rounded */
+    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each; /* rounding of the elongation, and of each component of the force */
     at->turns += PetscMax(0.0, PetscAbsReal(tension) - noise * latin->sub.link_stiffness[l]) * each;
   }
 }
 
-/* What one link adds to the sums; moved: its elongation by the free displacements, ends: what its ends move along it */
+/* Adds a link to the sums over links; moved: its elongation by the free displacements; ends: sum of the absolute displacements of its ends along it */
 static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, PetscReal e, PetscReal tension, PetscReal moved, PetscReal ends)
 {
   const LatinStructure structure = balance->latin->sub.structure;
@@ -108,7 +108,7 @@ static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, P
   balance->sum.bearing_gaps += PetscSqr(structure->e0[l]);
 }
 
-/* What one link adds to those of its two nodes that are vertices from first to last - 1, and to the sums if the first one is; a: local vectors */
+/* Adds a link to those of its ends that are vertices first to last - 1, and to the sums over links if its first end is; a: local vectors */
 static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, PetscInt first, PetscInt last, LatinNode vertex[])
 {
   const Latin          latin     = balance->latin;
@@ -117,7 +117,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
   const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
   const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], bears = LatinStructureTension(structure, latin->linear.rigid_tension, l, x), tension = PetscAbsReal(bears);
-  PetscReal            all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k; /* elongations by unit translations and by the free displacements; stiffness if the error is the target */
+  PetscReal all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k; /* moves: elongations by unit translations and by the free displacements; certain, possible: least and greatest stiffness at an error of the target */
 
   for (PetscInt c = 0; c < dim; c++) {
     const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
@@ -131,12 +131,12 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     const PetscReal low = LatinStructureTangent(structure, l, x - target * (e0 + ends)), high = LatinStructureTangent(structure, l, x + target * (e0 + ends));
 
     certain = PetscMin(low, high);
-    if (structure->ground) possible = PetscMax(low, high); /* what moves by itself has its mass alone */
+    if (structure->ground) possible = PetscMax(low, high); /* free bodies have their masses alone */
   } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
   if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
-    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0; /* elongation by the displacement of this end, and by each of its components */
+    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0; /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
     LatinNode         *at;
 
     if (to[i] < first || to[i] >= last) continue;
@@ -147,7 +147,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
-      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
+      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is infinite if a contact is not active in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
       at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
       if (rigid) at->rigid[c] += (i ? n[c] : -n[c]) * bears;
@@ -163,7 +163,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   }
 }
 
-/* What is known of a vertex here, beside its links */
+/* Sets displacements, unbalance, load and springs of a vertex */
 static void LatinNodalVertex(PetscInt dim, PetscInt v, PetscScalar *const a[], LatinNode *at)
 {
   at->vertices = 1.0;
@@ -175,7 +175,7 @@ static void LatinNodalVertex(PetscInt dim, PetscInt v, PetscScalar *const a[], L
   }
 }
 
-/* A node of which all is known, from sums over its vertices */
+/* Visits a node after all sums over its vertices */
 static void LatinNodalFinish(LatinNode *at, PetscInt number, LatinNodeVisit *visit, void *ctx)
 {
   at->bearing += PetscSqrtReal(PetscSqr(at->rigid[0]) + PetscSqr(at->rigid[1]) + PetscSqr(at->rigid[2]));
@@ -188,7 +188,7 @@ static void LatinNodalFinish(LatinNode *at, PetscInt number, LatinNodeVisit *vis
   visit(at, number, ctx);
 }
 
-/* The nodes whose vertices several ranks have, at the owners of these. Collective on structure */
+/* Visits the nodes shared by ranks, on their owners. Collective on structure */
 static PetscErrorCode LatinNodalShared_Private(LatinStructure structure, const PetscInt number[], LatinNode shared[], LatinNodeVisit *visit, void *ctx)
 {
   const PetscInt *leaf;
@@ -198,13 +198,13 @@ static PetscErrorCode LatinNodalShared_Private(LatinStructure structure, const P
   if (!structure->shared_sf) PetscFunctionReturn(0);
   PetscCall(LatinSFReduce_Private(structure->shared_sf, sizeof(LatinNode) / sizeof(PetscReal), MPIU_REAL, shared, shared, MPI_SUM));
   PetscCall(PetscSFGetGraph(structure->shared_sf, NULL, &leaves, &leaf, NULL));
-  for (PetscInt k = 0; k < leaves; k++) shared[leaf ? leaf[k] : k].vertices = 0.0; /* another rank's */
+  for (PetscInt k = 0; k < leaves; k++) shared[leaf ? leaf[k] : k].vertices = 0.0; /* owned by another rank */
   for (PetscInt k = 0; k < structure->shared; k++)
     if (shared[k].vertices > 0.0) LatinNodalFinish(&shared[k], number[structure->shared_vertex[k]], visit, ctx);
   PetscFunctionReturn(0);
 }
 
-/* The global numbers of the nodes of the vertices here. Collective on structure */
+/* number: global numbers of the nodes of the vertices here. Collective on structure */
 static PetscErrorCode LatinNodalNumbers_Private(LatinStructure structure, PetscInt number[])
 {
   PetscInt *own;
@@ -218,9 +218,8 @@ static PetscErrorCode LatinNodalNumbers_Private(LatinStructure structure, PetscI
 }
 
 /*
-   Visits each node once, on one of its ranks, for displacements u that leave the forces r without balance; `more` is a load
-   beside that of the structure, or NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of
-   `target`. Collective on structure
+   Visits each node once, on one of its ranks, for displacements u with the unbalance r. `more`: an additional load, or NULL.
+   LatinNode.tangent has the stiffness of links that bear at any relative error of u up to `target`. Collective on structure
 */
 PetscErrorCode LatinNodalBalance_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodeVisit *visit, void *ctx, LatinNodalBalance *balance)
 {

@@ -1,55 +1,55 @@
 #include "error/latinerror.h"
 
 /*
-   How far a solution is from the exact one, in the energy norm of a linear structure or in digits, and what has taken the
-   others, on demand.
+   Error of a solution on demand: in digits, with the causes of lost digits, or as a bound in the energy norm of a linear
+   structure.
 
-   Near a solution u, with the tangent stiffness K of the links there, a small force r moves it by K^-1 r. So
+   Near a solution u, with the tangent stiffness K, a small force r changes it by K^-1 r. So
 
-     unbalance  r = F - B^t tau(u) shows how far u is from the equilibrium of the structure as it is stored;
+     unbalance  r = B^t tau(u) - F: distance of u to the equilibrium of the structure as stored;
      rounding   an elongation n (u_b - u_a) is a difference of rounded numbers, wrong by eps (|n u_a| + |n u_b|), and its
-                tension by eps of itself: what any solver in this precision must expect;
-     places     coordinates are rounded, so that the direction of a link is known to eps |x| / length only: far from the
-                origin, or between close nodes, that is little;
-     values     the same of stiffnesses, initial elongations and loads: what is lost before a solver begins.
+                tension by eps of itself: the error of any solver in this precision;
+     places     rounded coordinates: the direction of a link is known to eps |x| / length only, which matters far from the
+                origin and between close nodes;
+     values     rounded stiffnesses, initial elongations and loads: the error of the data.
 
-   The last three are sums over links of independent roundings. Their root mean square is found from a few random ones:
+   The last three are sums over links of independent roundings. A few random samples give their root mean square:
    with r a sum of terms of random sign, the expected square of K^-1 r is the sum of the squares [C. S. Kenney, A. J. Laub,
-   SIAM J. Sci. Comput. 15 (1994): small-sample statistical condition estimates]. Divided by eps it is the condition of
-   this solution, not of its worst right-hand side.
+   SIAM J. Sci. Comput. 15 (1994): small-sample statistical condition estimates]. Divided by eps it is the condition number of
+   this solution, not of the worst right-hand side.
 
-   The energy norm of an error e = K^-1 r is that of the tensions k B e, which balance r [W. Prager, J. L. Synge]. Conjugate
-   gradients find it from below, |e|^2 = |e_k|^2 + |e - e_k|^2, and the rest is that of the residual they leave in the norm of
-   the preconditioner, but for its least eigenvalue: 1 / (1 + beta), beta being the largest ratio of springs of the search
+   The energy norm of an error e = K^-1 r is that of the statically admissible tensions k B e [W. Prager, J. L. Synge]. Conjugate
+   gradients give a lower bound e_k, |e|^2 = |e_k|^2 + |e - e_k|^2. The remainder is at most the residual in the norm of the
+   preconditioner over its least eigenvalue, 1 / (1 + beta), with beta the largest ratio of springs of the search
    direction to K [the argument of J. Mandel, C. R. Dohrmann for balancing by constraints].
 */
 
 #define LATIN_DIGITS_RTOL    1e-4                          /* of a linear solve: an order of magnitude is enough */
 #define LATIN_DIGITS_MOST    1000                          /* iterations of a linear solve */
-#define LATIN_DIGITS_SAMPLES 3                             /* random roundings: right to a tenth, for an order of magnitude */
-#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
+#define LATIN_DIGITS_SAMPLES 3                             /* random roundings: accurate to a tenth, where an order of magnitude is enough */
+#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* stiffness of slack links, relative to the least one, so that K is not singular */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON) /* unit roundoff */
-#define LATIN_BOUND_SPRINGS  100.0                         /* 1 + beta, taken to be at most; at a residual of 1e-4 the bound hardly depends on it */
+#define LATIN_BOUND_SPRINGS  100.0                         /* assumed upper bound of 1 + beta; at a residual of 1e-4 the bound hardly depends on it */
 
 typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
 
-/* The structure around a solution */
+/* Linearisation around a solution */
 typedef struct {
   LatinStructure structure;
   Vec            u;
   Vec            tangent; /* of the links, borrowed from the matrix */
   KSP            ksp;
-  Vec            r, moved; /* forces, and the displacements that they cause */
+  Vec            r, moved; /* forces, and K^-1 r */
   PetscReal     *x;        /* [vertices][dim] coordinates */
 } LatinAround;
 
-/* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks */
+/* Random sign of a number of an entity of the whole structure, independent of the number of ranks */
 static inline PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
 {
   return LatinMix(((uint64_t)entity << 8) ^ (uint64_t)number) & 1 ? 1.0 : -1.0;
 }
 
-/* What roundings of the coordinates turn link l by: the forces of its tension tau and of its tangent stiffness k */
+/* Adds to f the forces by the rotation of link l under random roundings of its coordinates, with its tension tau and its tangent stiffness k */
 static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt first, const PetscScalar a[], PetscReal tau, PetscReal k, PetscScalar f[])
 {
   LatinStructure   structure = around->structure;
@@ -63,7 +63,7 @@ static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt firs
     along += n[c] * turn[c];
   }
   length = PetscSqrtReal(length);
-  for (PetscInt c = 0; c < dim; c++) { /* across the link only: its stiffness and its rest length are given, not those of its coordinates */
+  for (PetscInt c = 0; c < dim; c++) { /* orthogonal to the link only: stiffness and rest length are data of their own */
     turn[c] = (turn[c] - along * n[c]) / length;
     stretch += turn[c] * PetscRealPart(a[dim * end[1] + c] - a[dim * end[0] + c]);
   }
@@ -74,7 +74,7 @@ static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt firs
   }
 }
 
-/* Forces of nodes that random roundings of one kind make of nothing. Collective on structure */
+/* around->r = nodal forces by random roundings of one kind. Collective on structure */
 static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample)
 {
   LatinStructure     structure = around->structure;
@@ -122,7 +122,7 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   PetscFunctionReturn(0);
 }
 
-/* CG with PC latin on the tangent stiffness at the solution of snes; slack links keep a little. Collective on snes */
+/* Creates CG with PC latin on the tangent stiffness at the solution of snes, with a small stiffness of slack links. Collective on snes */
 static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], LatinAround *around)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)snes);
@@ -134,8 +134,8 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   PetscFunctionBegin;
   PetscCall(SNESLatinFindStructure_Private(snes, &around->structure));
   PetscCheck(around->structure, comm, PETSC_ERR_ORDER, "%s of a solution needs a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))", what);
-  PetscCall(LatinStructureCheckRigid_Private(around->structure, "What is found by the tangent stiffness"));
-  PetscCall(LatinStructureCheckLinear_Private(around->structure, "What is found by the tangent stiffness is for"));
+  PetscCall(LatinStructureCheckRigid_Private(around->structure, "An error estimate by the tangent stiffness"));
+  PetscCall(LatinStructureCheckLinear_Private(around->structure, "Error estimates by the tangent stiffness are for"));
   PetscCall(SNESGetSolution(snes, &around->u));
   PetscCheck(around->u, comm, PETSC_ERR_ORDER, "%s is of a solution: call SNESSolve() first", what);
   PetscCall(LatinStructureStiffnessRange_Private(around->structure, &least, NULL));
@@ -148,8 +148,8 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   PetscCall(KSPAppendOptionsPrefix(around->ksp, "latin_digits_"));
   PetscCall(KSPSetType(around->ksp, KSPCG));
   PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(around->ksp, LATIN_DIGITS_RTOL, 0.0, PETSC_MAX_REAL, LATIN_DIGITS_MOST)); /* an order of magnitude is enough; forces of stiff links must not hide those of soft ones */
-  PetscCall(MatSetDM(A, around->structure->dm));                                                       /* where PC latin finds the structure */
+  PetscCall(KSPSetTolerances(around->ksp, LATIN_DIGITS_RTOL, 0.0, PETSC_MAX_REAL, LATIN_DIGITS_MOST)); /* an order of magnitude is enough; natural norm: forces of stiff links must not dominate those of soft ones */
+  PetscCall(MatSetDM(A, around->structure->dm));                                                       /* gives PC latin the structure */
   PetscCall(KSPSetOperators(around->ksp, A, A));
   PetscCall(KSPGetPC(around->ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
@@ -180,15 +180,15 @@ static PetscErrorCode LatinAroundSolve_Private(const LatinAround *around)
 
   PetscFunctionBegin;
   PetscCall(VecNorm(around->r, NORM_2, &norm));
-  PetscCheck(!PetscIsInfOrNanReal(norm), PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_FP, "The displacements, or the loads, are not finite numbers: their error is not known");
+  PetscCheck(!PetscIsInfOrNanReal(norm), PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_FP, "Displacements or loads are not finite: their error cannot be estimated");
   PetscCall(KSPSolve(around->ksp, around->r, around->moved));
   PetscCall(KSPGetConvergedReason(around->ksp, &reason));
-  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The error of the solution is not known: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
+  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The error of the solution cannot be estimated: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
              KSPConvergedReasons[reason]);
   PetscFunctionReturn(0);
 }
 
-/* |K^-1 r|, relative to that of the solution */
+/* part = |K^-1 r| / |u| */
 static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, PetscReal *part)
 {
   PetscReal norm, size;
@@ -226,7 +226,7 @@ static PetscErrorCode LatinGetDigits_Private(SNES snes, PetscReal *unbalance, Pe
   PetscFunctionReturn(0);
 }
 
-/* Adds the energy norm of K^-1 r, from above */
+/* Adds an upper bound of the energy norm of K^-1 r */
 static PetscErrorCode LatinBoundAdd_Private(const LatinAround *around, PetscReal *bound)
 {
   PetscScalar work;
@@ -272,7 +272,7 @@ static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, P
 }
 
 /*@C
-  LatinGetDigits - How far a solution is from equilibrium, and what the rounding of numbers makes of it.
+  LatinGetDigits - Relative errors of a solution by its unbalance and by rounding.
 
   Collective on snes
 
@@ -280,10 +280,10 @@ static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, P
 . snes - of any type, after a solve; its DM is that of a structure without rigid links
 
   Output Parameters:
-+ unbalance - what the forces that are left without balance move
-. rounding  - what the rounding of displacements, elongations and tensions moves: least error of any solver in this precision
-. places    - the same of the rounding of coordinates
-- values    - the same of stiffnesses, initial elongations and loads
++ unbalance - error by the unbalance: distance to equilibrium
+. rounding  - error by rounding of displacements, elongations and tensions: least error of any solver in this precision
+. places    - error by rounding of coordinates
+- values    - error by rounding of stiffnesses, initial elongations and loads
 
   Level: intermediate
 
@@ -291,7 +291,7 @@ static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, P
   All are relative, in the l2 norm of the free displacements; the last three are root mean squares over random roundings.
   Divided by the unit roundoff, 1.1e-16, they are condition numbers of this solution. Each may be NULL.
 
-  It costs the set-up of a `PCLATIN` and ten linear solves, options prefix `-latin_digits_`.
+  Cost: the set-up of a `PCLATIN` and ten linear solves. Options prefix: `-latin_digits_`.
 
 .seealso: `LatinGetEnergyBound()`, `SNESLatinGetEstimates()`
 @*/
@@ -306,7 +306,7 @@ PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *roundi
 }
 
 /*@C
-  LatinGetEnergyBound - An upper bound of the error of a solution in the energy norm, for linear structures.
+  LatinGetEnergyBound - Upper bound of the error of a solution in the energy norm, for linear structures.
 
   Collective on snes
 
@@ -320,9 +320,9 @@ PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *roundi
   Level: intermediate
 
   Note:
-  It costs the set-up of a `PCLATIN` and two linear solves, options prefix `-latin_digits_`. What these leave over counts ten
-  times, which covers springs of the search direction up to 100 times the stiffness. The relative bound is infinite while
-  the error may be as large as the solution.
+  Cost: the set-up of a `PCLATIN` and two linear solves. Options prefix: `-latin_digits_`. The residual of these solves counts ten
+  times, which covers springs of the search direction up to 100 times the stiffness. The relative bound is infinite if
+  the bound is not below the energy norm of the solution.
 
 .seealso: `SNESLatinGetEstimates()`, `LatinStructureComputeErrors()`
 @*/

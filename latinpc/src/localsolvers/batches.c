@@ -1,12 +1,12 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   Solvers of the subdomains. A structure made of repeated modules gives many subdomains the same operator, to the bit:
-   it is then factored and condensed once, and solved for all of them together, which turns memory traffic into
-   arithmetic.
+   Solvers of the subdomains. In a structure of repeated modules many subdomains have bitwise the same operator: it is
+   factored and condensed once, and solved with all their right-hand sides together, which is bound by arithmetic, not by
+   memory.
 */
 
-/* Have the links of two equal subdomains the same laws and states in the same places? */
+/* Do the links of two equal subdomains have the same laws, and states in the same order? */
 static PetscBool LatinBatchesAlike(const LatinSubdomains *sub, PetscInt a, PetscInt b)
 {
   PetscInt shift, state;
@@ -21,7 +21,7 @@ static PetscBool LatinBatchesAlike(const LatinSubdomains *sub, PetscInt a, Petsc
   return PETSC_TRUE;
 }
 
-/* How many subdomains of a batch follow each other from member m on, at most LATIN_BATCH_COLUMNS: their data are columns of one array */
+/* Number of members of a batch from m on that are consecutive subdomains, at most LATIN_BATCH_COLUMNS: their data are columns of one array */
 PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
 {
   PetscInt n = 1;
@@ -30,7 +30,7 @@ PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
   return n;
 }
 
-/* One batch for each different operator, pattern[s] the first subdomain that has it. Takes pattern over */
+/* Creates a batch for each different operator; pattern[s]: first subdomain with the operator of s. Takes ownership of pattern */
 PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[], LatinBatches *batches)
 {
   PetscInt *count, *index;
@@ -68,7 +68,7 @@ PetscErrorCode LatinBatchesReset(LatinBatches *batches)
 
 /* ---- solvers ---- */
 
-/* Room for the rows of each batch, which the caller fills before LatinLocalSolversSetUp() */
+/* Allocates the rows of each batch, which the caller fills before LatinLocalSolversSetUp() */
 PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *sub, const LatinBatches *batches, LatinLocalSolvers *solvers)
 {
   const PetscInt n = batches->n;
@@ -81,7 +81,7 @@ PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *sub, const LatinBa
   PetscFunctionReturn(0);
 }
 
-/* Of what was kept, what this set-up has not taken */
+/* Destroys retired solvers that this set-up has not reused */
 static PetscErrorCode LatinLocalSolversForget_Private(LatinLocalSolvers *solvers)
 {
   PetscFunctionBegin;
@@ -113,7 +113,7 @@ PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *solvers)
   PetscFunctionReturn(0);
 }
 
-/* Keeps the matrices and solvers of this set-up for the next one, and nothing else */
+/* Retires the matrices and solvers of this set-up for reuse by the next one, and destroys the rest */
 PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *solvers)
 {
   const PetscInt n = solvers->n;
@@ -122,7 +122,7 @@ PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *solvers)
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(n, &before));
   for (PetscInt i = 0; i < n; i++) {
-    if (!solvers->ksp[i]) continue; /* the set-up ended before it */
+    if (!solvers->ksp[i]) continue; /* the set-up failed before it */
     before[i] = (LatinRetired){.rows = solvers->rows[i], .K = solvers->K[i], .ksp = solvers->ksp[i], .kept = solvers->rest[i]};
     PetscCall(PetscMemzero(&solvers->rows[i], sizeof(solvers->rows[i])));
     solvers->K[i]    = NULL;
@@ -135,7 +135,7 @@ PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *solvers)
   PetscFunctionReturn(0);
 }
 
-/* The rows of batch i that its factor is to keep to the last */
+/* Sets solvers->rest[i], the rows of batch i of the Schur complement, which its factor orders last */
 static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
   const PetscInt s = solvers->batches->batch[i].sub[0], top = solvers->sub->bs * solvers->sub->node_offset[s];
@@ -150,7 +150,7 @@ static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Places of the nodes of a batch, which their order of elimination comes from */
+/* Composes the coordinates of the nodes of a batch on its matrix, for nested dissection */
 static PetscErrorCode LatinLocalPlaces_Private(const LatinLocalSolvers *solvers, PetscInt i)
 {
   const LatinSubdomains *sub   = solvers->sub;
@@ -170,7 +170,7 @@ static PetscErrorCode LatinLocalPlaces_Private(const LatinLocalSolvers *solvers,
   PetscFunctionReturn(0);
 }
 
-/* The matrix of a batch, and a solver as the options choose it */
+/* Creates the matrix of a batch, and its solver from the options */
 static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, PetscInt i, const char name[], PetscBool once)
 {
   const LatinSparse *rows  = &solvers->rows[i];
@@ -200,7 +200,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Who owns the entries of a batch that keeps rows hears from its factor */
+/* Passes the callbacks of the owner of the matrix entries to the factor of a batch with a Schur complement */
 static PetscErrorCode LatinLocalSpends_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
   PC  pc;
@@ -214,8 +214,8 @@ static PetscErrorCode LatinLocalSpends_Private(LatinLocalSolvers *solvers, Petsc
 }
 
 /*
-   Matrices, factors and work space; name is "local" or "interior", the prefix of the options; once: a preconditioner that
-   is no factorisation is applied once. solvers->status says how it ended on this rank.
+   Creates or reuses matrices and solvers, and factors them. name: "local" or "interior", the prefix of the options; once: a
+   preconditioner that is not a factorisation is applied once. A failure on this rank is in solvers->status.
 */
 PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
@@ -228,11 +228,11 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->status.staged = (PetscBool)!solvers->keeps;
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
     const PetscBool tangent = LatinSubdomainsTangent(solvers->sub), larger = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
-    LatinArithmetic serves = LATIN_SINGLE; /* of a tangent stiffness, with which Newton's method preconditions its own */
+    LatinArithmetic serves = LATIN_SINGLE; /* precision of a preconditioner of Newton's method */
     PetscBool       found;
     PC              pc;
 
-    if (!solvers->rows[i].i) continue; /* the caller does without */
+    if (!solvers->rows[i].i) continue; /* no solver: the caller uses a dense inverse */
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
@@ -252,8 +252,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
 }
 
 /*
-   Makes all factors once more, those that have the lowest precision of any rank in the next higher one: Schur complements have
-   been given away. solvers->status says how it ended on this rank. Collective on sub->object
+   Factors again: all batches, as their Schur complements have been given away, and those of the lowest precision of any rank in the
+   next higher one. A failure on this rank is in solvers->status. Collective on sub->object
 */
 PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
 {
@@ -278,7 +278,7 @@ PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
   PetscFunctionReturn(0);
 }
 
-/* U = K^-1 g for the copy arrays of the subdomains of one batch */
+/* U = K^-1 g on the copies of the subdomains of one batch */
 PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal g[], PetscReal U[])
 {
   const LatinSubdomains *sub     = solvers->sub;
@@ -308,7 +308,7 @@ PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, c
   PetscFunctionReturn(0);
 }
 
-/* The same for all subdomains here */
+/* U = K^-1 g for all subdomains here */
 PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *solvers, const PetscReal g[], PetscReal U[])
 {
   PetscFunctionBegin;

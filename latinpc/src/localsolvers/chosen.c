@@ -1,8 +1,8 @@
 #include "localsolvers/latinlocalsolvers.h"
 
-/* Solvers that options choose for the subdomains and for the coarse problem: their defaults, and whether they are direct. */
+/* Solvers of the subdomains and of the coarse problem that the user chooses by options: creation, defaults, failures. */
 
-/* Is this a factorisation, applied once? */
+/* Is the solver a factorisation, applied once? */
 PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
 {
   PC        pc;
@@ -16,7 +16,7 @@ PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
   PetscFunctionReturn(0);
 }
 
-/* Do the options leave the local solvers to us, and is there the factorisation that is their default? */
+/* *is: no option sets another local solver than the default factorisation, and this is available */
 PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is)
 {
   const char *option[] = {"ksp_type", "pc_type", "pc_factor_mat_solver_type"};
@@ -36,7 +36,7 @@ PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[
   PetscFunctionReturn(0);
 }
 
-/* A KSP for `name` ("local", "interior", "coarse"), with the options of its parent: one application of its preconditioner */
+/* Creates the KSP of `name` ("local", "interior", "coarse"), with the options and the prefix of its parent; default: KSPPREONLY */
 PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, const char name[], KSP *ksp)
 {
   PetscFunctionBegin;
@@ -51,8 +51,8 @@ PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, cons
 }
 
 /*
-   Sets *failed when a solve has failed. A preconditioner may ask for so many iterations and no more, as PETSc's own do
-   (KSPCheckSolve()); where linear stages are taken to be exact that is a failure.
+   Sets *failed after a failed solve. In a preconditioner a fixed number of iterations is not a failure, as in PETSc's own
+   (KSPCheckSolve()); for an exact linear stage it is.
 */
 PetscErrorCode LatinSolverNote_Private(KSP ksp, PetscBool preconditions, PetscBool *failed)
 {
@@ -65,9 +65,9 @@ PetscErrorCode LatinSolverNote_Private(KSP ksp, PetscBool preconditions, PetscBo
 }
 
 /*
-   Defaults where the options have chosen a preconditioner that is not a factorisation. `once`: it is applied once, which
-   leaves a PC latin linear, symmetric and positive definite if it is so itself. Otherwise conjugate gradients to a small
-   residual, for what is taken to be exact. Before KSPSetUp().
+   Defaults if the options set a preconditioner that is not a factorisation. `once`: it is applied once, so that a
+   PC latin is linear, symmetric and positive definite if it is. Else conjugate gradients to a small residual, for solves
+   that must be exact. Before KSPSetUp().
 */
 PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
 {
@@ -82,11 +82,11 @@ PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
   if (given) PetscFunctionReturn(0);
   PetscCall(KSPSetType(ksp, KSPCG));
   PetscCall(KSPSetTolerances(ksp, LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPSetFromOptions(ksp)); /* a tolerance that is given counts */
+  PetscCall(KSPSetFromOptions(ksp)); /* the user's tolerance, if any, overrides */
   PetscFunctionReturn(0);
 }
 
-/* Conjugate gradients to a small residual with the preconditioner of ksp, whatever ksp makes of it, or ksp if that is direct; the caller destroys it */
+/* *accurate: conjugate gradients to a small residual with the preconditioner of ksp, or ksp itself if it is direct; the caller destroys it */
 PetscErrorCode LatinSolverAccurate_Private(KSP ksp, PetscBool direct, KSP *accurate)
 {
   Mat A;
@@ -99,7 +99,7 @@ PetscErrorCode LatinSolverAccurate_Private(KSP ksp, PetscBool direct, KSP *accur
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), accurate));
-  PetscCall(KSPSetOptionsPrefix(*accurate, "set_up_")); /* options without prefix are for others */
+  PetscCall(KSPSetOptionsPrefix(*accurate, "set_up_")); /* no user option shall match */
   PetscCall(KSPSetType(*accurate, KSPCG));
   PetscCall(KSPSetPC(*accurate, pc));
   PetscCall(KSPSetOperators(*accurate, A, A));

@@ -1,8 +1,9 @@
 /*
-   Solves for one right-hand side b, [height], of the columns of a panel, in one precision: included once for each, as
-   localsolvers/frontkernels.h. Some columns at a time, 8 as registers hold or 3 of a node, by whole vectors. These go on
-   beyond the last row, by less than LATIN_LINE bytes: the factor has finite numbers there; in b the forward half leaves
-   any numbers, and the backward half begins with zeros. Numbers of columns are constants, so that loops unroll.
+   Triangular solves with the columns of a panel and one right-hand side b, [height]; included once for each precision, as
+   localsolvers/frontkernels.h. Kernels take 8 columns at a time, which registers hold, or the 3 of a node, and whole vectors of
+   rows. These read beyond the last row by less than LATIN_LINE bytes: the factor has finite numbers there; b has any
+   numbers there after forward substitution, and zeros before backward substitution. Numbers of columns are constants, so that
+   loops unroll.
 */
 
 typedef FRONT_REAL FRONT(LatinStrip) __attribute__((vector_size(LATIN_LINE), aligned(sizeof(FRONT_REAL)), may_alias));
@@ -28,7 +29,7 @@ LATIN_INLINE FRONT_REAL FRONT(LatinStripSum)(FRONT(LatinStrip) strip)
   return sum;
 }
 
-/* L^-1 of some columns, of which the rows below get their part */
+/* Forward substitution with some columns, and the update of the rows below */
 LATIN_INLINE void FRONT(LatinColumnsForward)(const PetscInt columns, PetscInt height, size_t ld, const FRONT_REAL L[], FRONT_REAL b[])
 {
   FRONT_REAL x[LATIN_FRONT_ROWS];
@@ -54,7 +55,7 @@ LATIN_INLINE void FRONT(LatinColumnsForward)(const PetscInt columns, PetscInt he
   }
 }
 
-/* L^-t, the rows below being known */
+/* Backward substitution with some columns; the rows below are known */
 LATIN_INLINE void FRONT(LatinColumnsBackward)(const PetscInt columns, PetscInt height, size_t ld, const FRONT_REAL L[], FRONT_REAL b[])
 {
   FRONT(LatinStrip) sum[LATIN_FRONT_ROWS] = {{0}};

@@ -1,13 +1,13 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   One dense Schur complement for all that works on the interfaces of a subdomain alone: search directions and local
-   low-energy fields. Small subdomains by dense algebra, others by a sparse factor.
+   Dense Schur complement of a subdomain on its interfaces, for search directions and local low-energy fields: by dense algebra for
+   small subdomains, else by a sparse factorisation.
 */
 
 #define LATIN_ELIMINATE_DENSE 400 /* rows up to which dense algebra takes less time (tensegrity-grid 60 and network 8000 by METIS into 8 to 240) */
 
-/* By a sparse factor that keeps rows to the last, of the package given */
+/* By a sparse factorisation of the given package, with Schur complement */
 static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, MatSolverType package, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
   Mat                K, factor, dense;
@@ -27,7 +27,7 @@ static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, MatSolv
   PetscCall(MatFactorInfoInitialize(&how));
   PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
   PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
-  PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
+  PetscCall(MatFactorGetError(factor, &failed)); /* recorded, not raised */
   if (failed) *bad = PETSC_TRUE;
   PetscCall(MatFactorGetSchurComplement(factor, &dense, NULL));
   PetscCall(MatDenseGetArrayRead(dense, &f));
@@ -68,8 +68,8 @@ static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt
 }
 
 /*
-   Eliminates all but the rows kept[gamma], increasing, of a symmetric matrix: F (gamma x gamma, column-major) is the Schur
-   complement, symmetric to the bit. *bad is set where what is eliminated is not positive definite.
+   F (gamma x gamma, column-major): the Schur complement of a symmetric matrix on its rows kept[gamma], increasing; bitwise
+   symmetric. *bad is set if the eliminated block is not positive definite.
 */
 PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {

@@ -1,19 +1,19 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   Direct solvers of the local and coarse problems, and how their factorisations end. A mechanism, a displacement that
-   costs nothing, is found whether it stops the factorisation or only shows in the factor.
+   Direct solvers of the local and coarse problems, and the diagnosis of their factorisations. A mechanism, a displacement of zero
+   energy, is found by inverse iteration, whether the factorisation failed or rounding hid it.
 */
 
-#define LATIN_SHIFT       LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
-#define LATIN_SHIFT_GROWS 4.0                          /* the next one, where that shows no displacement without stiffness, or of negative stiffness */
-#define LATIN_SHIFT_MOST  10.0                         /* of the diagonal, which is less than a negative stiffness where it cancels */
-#define LATIN_ONLY        10                           /* steps of inverse iteration that single out one displacement */
-#define LATIN_FIRM        1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
-#define LATIN_ROOM        100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST   6400                         /* percent, after three fourfold increases: where it gives up */
+#define LATIN_SHIFT         LatinByPrecision(1e-8, 1e-4) /* of the diagonal: first shift of a matrix that could not be factored */
+#define LATIN_SHIFT_GROWS   4.0                          /* growth of the shift, if inverse iteration finds no displacement of zero or negative stiffness */
+#define LATIN_SHIFT_MOST    10.0                         /* greatest shift, of the diagonal: that is smaller than a negative stiffness where it cancels */
+#define LATIN_INVERSE_STEPS 10                           /* steps of inverse iteration that isolate one displacement */
+#define LATIN_INVERSE_FIRM  1e6                          /* times LATIN_MECHANISM: above this Rayleigh quotient after one step of inverse iteration there is no mechanism */
+#define LATIN_ROOM          100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST     6400                         /* greatest work space, in percent, after three fourfold increases */
 
-/* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
+/* *package: the first one with a Cholesky factorisation of A, the preferred one or another; NULL: none */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
 {
   const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
@@ -27,7 +27,7 @@ PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred
   PetscFunctionReturn(0);
 }
 
-/* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
+/* Sets Cholesky with the preferred package; if PETSc lacks it, another one, with a warning */
 PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 {
   static PetscBool warned  = PETSC_FALSE;
@@ -40,7 +40,7 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscCall(PCSetType(pc, PCCHOLESKY));
   PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
-  else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
+  else PetscCall(PCSetType(pc, PCREDUNDANT)); /* no direct solver for a parallel matrix */
   if (!warned && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
   if (!warned && !rank && found && strcmp(package, preferred))
     PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", strcmp(preferred, LATIN_CHOLESKY) ? preferred : "cholmod", package));
@@ -48,7 +48,7 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscFunctionReturn(0);
 }
 
-/* A dense matrix for right-hand sides or solutions, ready for KSPMatSolve() */
+/* Creates a dense matrix for right-hand sides or solutions of KSPMatSolve() */
 PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
 {
   PetscFunctionBegin;
@@ -58,7 +58,7 @@ PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
   PetscFunctionReturn(0);
 }
 
-/* Solves for all columns of B; a reason that is negative is left in *failed, others are not */
+/* Solves for all columns of B; sets *failed to the reason if it is negative, else leaves it */
 PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason *failed)
 {
   KSPConvergedReason reason;
@@ -70,7 +70,7 @@ PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason
   PetscFunctionReturn(0);
 }
 
-/* Any vector without symmetry */
+/* A pseudorandom vector, without symmetry */
 static PetscErrorCode LatinAnyVector_Private(Vec v)
 {
   PetscScalar *a;
@@ -86,8 +86,8 @@ static PetscErrorCode LatinAnyVector_Private(Vec v)
 }
 
 /*
-   Inverse iteration for the softest displacement of A relative to `whole`, or (NULL) to its diagonal, by at most `steps` solves with ksp, and none once it is as stiff as `firm`.
-   Returns its relative stiffness and leaves the displacement in v. Collective on A.
+   Inverse iteration for the softest displacement v of A relative to the diagonal `whole`, or (NULL) that of A: at most `steps` solves
+   with ksp, until the Rayleigh quotient reaches `firm`. *stiffness: Rayleigh quotient of v. Collective on A
 */
 static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt steps, PetscReal firm, Vec v, PetscReal *stiffness)
 {
@@ -100,7 +100,7 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt s
   if (whole) PetscCall(VecCopy(whole, d));
   else PetscCall(MatGetDiagonal(A, d));
   PetscCall(LatinAnyVector_Private(v));
-  /* in displacements whose unit of energy is that of the diagonal, so that units and contrast do not matter */
+  /* scaled by the diagonal, so that units and contrast do not matter */
   PetscCall(VecSqrtAbs(d));
   PetscCall(VecPointwiseDivide(v, v, d));
   PetscCall(VecPointwiseMult(d, d, d));
@@ -123,7 +123,7 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt s
   PetscFunctionReturn(0);
 }
 
-/* The displacement v whose stiffness relative to the diagonal is next to -shift, by a copy of A that is stiffer by it, with the kept rows held; its stiffness in the copy. Collective on A */
+/* Shifted inverse iteration: displacement v with the eigenvalue relative to the diagonal closest to -shift, with clamped kept rows. *stiffness: its eigenvalue plus the shift. Collective on A */
 static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shift, Vec v, PetscReal *stiffness)
 {
   Mat          shifted;
@@ -138,7 +138,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)A, &other, MATMPISBAIJ, MATMPIDENSE, MATIS, ""));
-  if (other) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
+  if (other) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for LU */
   else PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
   if (kept) PetscCall(MatZeroRowsColumnsIS(shifted, kept, 1.0, NULL, NULL));
   PetscCall(VecDuplicate(v, &d));
@@ -148,30 +148,30 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
   PetscCall(VecGetLocalSize(d, &n));
   PetscCall(VecGetArray(d, &a));
   for (PetscInt i = 0; i < n; i++)
-    if (a[i] == 0.0) a[i] = largest; /* across all links of a node */
+    if (a[i] == 0.0) a[i] = largest; /* dof orthogonal to all links of its node */
   PetscCall(VecRestoreArray(d, &a));
   PetscCall(VecScale(d, shift));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
   PetscCall(VecScale(d, 1.0 / shift));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
-  PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */
+  PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* no user option shall match */
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
-  /* the copy may still be indefinite by rounding */
+  /* LU: the copy may still be indefinite */
   PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_LU, &found));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
   PetscCall(PCSetType(pc, found || size == 1 ? PCLU : PCREDUNDANT));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
-  PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_ONLY, PETSC_MAX_REAL, v, stiffness));
+  PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_INVERSE_STEPS, PETSC_MAX_REAL, v, stiffness));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&shifted));
   PetscFunctionReturn(0);
 }
 
-/* The displacement of a matrix that could not be factored that costs nothing or, where each costs something, one of negative stiffness. Collective on A */
+/* Finds a displacement v of zero stiffness of a matrix that could not be factored or, if there is none, of negative stiffness, by growing shifts. Collective on A */
 static PetscErrorCode LatinSoftestFailed_Private(Mat A, IS kept, Vec v)
 {
   PetscReal shift = LATIN_SHIFT, stiffness;
@@ -186,7 +186,7 @@ static PetscErrorCode LatinSoftestFailed_Private(Mat A, IS kept, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
+/* Factors A. With MUMPS in parallel, the work space is increased until it is sufficient. Collective on A */
 static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
 {
   PetscMPIInt size;
@@ -205,7 +205,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
     PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
     status->ierr = KSPSetUp(ksp);
     PetscCall(PetscPopErrorHandler());
-    (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
+    (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* other ranks may still factor a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
     PetscCall(PCReset(pc));
@@ -215,8 +215,8 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
 }
 
 /*
-   What each solve leaves to the next, in energy and with the kept rows held, is what rounding disturbs of the change that it
-   makes: the largest share of two in a row, for a displacement in which all stiffnesses have a part
+   Contraction of the error by a step of iterative refinement with the factor, in the energy norm, with clamped kept rows: the larger
+   one of two steps, from a pseudorandom displacement in which all stiffnesses take part. Collective on A
 */
 static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left)
 {
@@ -242,7 +242,7 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
     PetscCall(VecAXPY(b, -1.0, w));
     if (kept) PetscCall(VecISSet(b, kept, 0.0));
     if (k) {
-      PetscCall(LatinCholeskyEnergy(pc, b, &energy)); /* of the last solve nothing else is asked for */
+      PetscCall(LatinCholeskyEnergy(pc, b, &energy)); /* the last solve needs the energy alone */
       after = energy;
     } else {
       PetscCall(KSPSolve(ksp, b, v));
@@ -251,7 +251,7 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
     *left  = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
     before = after;
   }
-  PetscCall(PetscInfo(ksp, "factor in single precision: a solve leaves %g to the next\n", (double)*left));
+  PetscCall(PetscInfo(ksp, "factor in single precision: a solve contracts the error to %g\n", (double)*left));
   PetscCall(VecDestroy(&b));
   PetscCall(VecDestroy(&v));
   PetscCall(VecDestroy(&w));
@@ -259,8 +259,8 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
 }
 
 /*
-   A factor in single precision that serves, or one in double precision, where rounding is 0. A soft displacement is what
-   rounding disturbs most, and one that costs nothing it disturbs entirely: where the factor serves there is no mechanism
+   Tests the factor, and factors again in higher precision until its contraction is small enough; *rounding: this contraction, 0 in double
+   precision. Rounding affects soft displacements most, and a mechanism entirely: an accepted factor has no mechanism
 */
 static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *rounding)
 {
@@ -279,7 +279,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where stages measure it. Collective on A */
+/* Searches A for a mechanism, and tests the precision of its factor, unless linear stages will. Collective on A */
 static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PetscReal       stiffness = 1.0;
@@ -296,7 +296,7 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
     if (precision != LATIN_DOUBLE && ((kept && status->staged) || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
     if (!(status->rounding > 0.0) && !larger) {
-      PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_FIRM * LATIN_MECHANISM, v, &stiffness));
+      PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_INVERSE_FIRM * LATIN_MECHANISM, v, &stiffness));
       status->softest = stiffness;
     }
   }
@@ -307,11 +307,10 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
 }
 
 /*
-   Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
-   stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
-   factor keeps to the last, or NULL; whole: the diagonal from before a condensation that A comes from, which is what its
-   rounding is small beside, or NULL; larger: the precision of a factor that serves a larger matrix, of which this one is a
-   part with the rest held, and no softer; or NULL. Collective on A.
+   Factors A through its KSP. A failure is recorded, not raised: other ranks may be waiting. The displacement of a mechanism, whether
+   the factorisation failed or not, is returned in status->mode. kept: rows of the Schur complement, ordered last, or NULL; whole:
+   the diagonal before the condensation that gave A, to which its rounding is relative, or NULL; larger: an accepted precision of
+   a larger matrix, of which A is a principal submatrix, and so no softer; or NULL. Collective on A
 */
 PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
@@ -331,7 +330,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const Lat
   PetscFunctionReturn(0);
 }
 
-/* Makes the factor of a matrix of one rank once more, in the next higher precision if it has the lowest one. A failure is noted */
+/* Factors a sequential matrix again, in the next higher precision if it has the lowest one. A failure is recorded */
 PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinArithmetic lowest, LatinFactorStatus *status)
 {
   PC              pc;

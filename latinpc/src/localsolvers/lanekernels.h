@@ -1,8 +1,8 @@
 /*
-   Solves for LATIN_FRONT_LANES right-hand sides that lie beside each other, [rows][lanes], in one precision: included once
-   for each, as localsolvers/frontkernels.h. A row of all lanes is a vector, of which the compiler makes as many registers
-   as it takes; some rows of a front at a time stay in registers, while each entry of the factor is read once. Functions are
-   called with constants for that number, so that their loops unroll.
+   Triangular solves for LATIN_FRONT_LANES interleaved right-hand sides, [rows][lanes]; included once for each precision, as
+   localsolvers/frontkernels.h. A row of all lanes is a vector type, which the compiler splits into registers. Some rows of a
+   front at a time stay in registers, and each entry of the factor is read once. Numbers of rows are constants, so that loops
+   unroll.
 */
 
 typedef FRONT_REAL FRONT(LatinLanes) __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(FRONT_REAL)), aligned(LATIN_LINE), may_alias));
@@ -13,7 +13,7 @@ LATIN_INLINE void FRONT(LatinLanesRows)(const PetscInt rows, PetscInt columns, c
   for (PetscInt c = 0; c < columns; c++, L += height) { _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[i] * y[c]; }
 }
 
-/* Rows r to r + rows - 1 of those that a front eliminates, forward; energy += their squares */
+/* Forward substitution of rows r to r + rows - 1 that a front eliminates; energy += their squares */
 LATIN_INLINE void FRONT(LatinLanesEliminate)(const PetscInt rows, PetscInt r, const FRONT_REAL L[], size_t height, FRONT(LatinLanes) y[], LatinLanesSum *energy)
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
@@ -31,7 +31,7 @@ LATIN_INLINE void FRONT(LatinLanesEliminate)(const PetscInt rows, PetscInt r, co
   }
 }
 
-/* Rows r to r + rows - 1 below them */
+/* Forward update of rows r to r + rows - 1 below them */
 LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], const FRONT(LatinLanes) y[], FRONT(LatinLanes) x[])
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
@@ -40,7 +40,7 @@ LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscI
   _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) x[row[r + i]] -= s[i];
 }
 
-/* x = L^-1 x for the rows of the panel of front f that begins with its column at, and what that leaves is taken from the rows below */
+/* Forward substitution with the panel of front f that begins with its column at, and the update of the rows below */
 LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *energy)
 {
   const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
@@ -55,7 +55,7 @@ LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, Pet
   for (; r < height; r++) FRONT(LatinLanesBelow)(1, r, own, L, (size_t)height, row, y, x);
 }
 
-/* Rows c to c + rows - 1 of those that a front eliminates, backward; square += their squares */
+/* Backward substitution of rows c to c + rows - 1 that a front eliminates; square += their squares */
 LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], FRONT(LatinLanes) y[], const FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
@@ -75,7 +75,7 @@ LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, Petsc
   }
 }
 
-/* x = L^-t x for these rows, those below being known */
+/* Backward substitution with this panel; the rows below are known */
 LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
   const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
@@ -88,7 +88,7 @@ LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, Pe
   for (; c > 0; c--) FRONT(LatinLanesReturn)(1, c - 1, own, L, (size_t)height, row, y, x, square);
 }
 
-/* Asks for the panels of a front while another one is worked on */
+/* Prefetches the panels of a front during the solve with another one */
 LATIN_INLINE void FRONT(LatinLanesFetch)(const LatinFronts *F, PetscInt f)
 {
   const FRONT_REAL *L = (const FRONT_REAL *)F->factor;

@@ -1,6 +1,6 @@
 /*
-   Solvers of the subdomains: which of them share a factor, factorisations and how they end, solvers by choice, the
-   elimination of what is not on interfaces.
+   Solvers of the subdomains: batches that share a factor, factorisations and their diagnosis, solvers by options, Schur
+   complements on interfaces.
 */
 #ifndef LATINLOCALSOLVERS_H
 #define LATINLOCALSOLVERS_H
@@ -8,30 +8,30 @@
 #include "subdomains/latinsubdomains.h"
 
 /* ---- direct solvers (localsolvers/factor.c) ---- */
-#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
+#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that is rounding alone */
 
 #define LATIN_LARGE 1000 /* rows of a subdomain beyond which nested dissection of the nodes fills less than minimum degree, and pays for itself */
 
 #define LATIN_ROUNDED_CONTRACTION 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
 
-/* Precision of a factor; the one that is asked for, or a higher one that holds it */
+/* Precision of a factor, requested or in use */
 typedef enum {
   LATIN_DOUBLE,  /* arithmetic and factor */
   LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
   LATIN_SINGLE,  /* both in single */
-  LATIN_BY_SIZE  /* that of the above which pays */
+  LATIN_BY_SIZE  /* the fastest of these */
 } LatinArithmetic;
 
-/* How a factorisation ended on this rank */
+/* Result of a factorisation on this rank */
 typedef struct {
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;
-  PetscReal      rounding;    /* of a displacement, in energy: what a solve leaves to the next one; 0: in double precision */
-  PetscReal      softest;     /* stiffness of the softest displacement, where it was looked for in a factor that serves; else 0 */
-  Vec            mode;        /* the displacement that costs nothing, where there is a mechanism */
-  PetscBool      provisional; /* given: a stage will show whether the factor serves, and what it comes from may be made anew: no mode, no search for mechanisms */
-  PetscBool      staged;      /* given, of a factor that keeps rows: stages will show which precision serves it and their Schur complement */
+  PetscReal      rounding;    /* contraction of the error by a solve, in the energy norm; 0: in double precision */
+  PetscReal      softest;     /* Rayleigh quotient of the softest displacement, if it was computed; else 0 */
+  Vec            mode;        /* displacement of zero energy, if there is a mechanism */
+  PetscBool      provisional; /* input: linear stages will test the factor, and A may change then: no mode, no search for mechanisms */
+  PetscBool      staged;      /* input: linear stages will test the precision of a factor with Schur complement */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
@@ -46,18 +46,18 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
 
 /* ---- the order of elimination (localsolvers/ordering.c) ---- */
 #define LATIN_ORDERING "latin"       /* a MatOrderingType */
-#define LATIN_PLACES   "LatinPlaces" /* what a matrix carries the places of its nodes by, a Vec whose block size is their dimension */
+#define LATIN_PLACES   "LatinPlaces" /* name of the coordinates of nodes composed on a matrix, a Vec whose block size is the dimension */
 PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *columns);
 PETSC_INTERN PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], PetscInt first[], PetscInt **list);
 PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(Mat, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
-#define LATIN_ORDER       "LatinOrder" /* what a matrix carries its order of elimination by, an IS */
-#define LATIN_FRONT_LANES 16           /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
-/* Entries of a matrix, which the last fronts of its factorisation do not read: told that they have all been read, and may go, or (again) that they are to come back */
+#define LATIN_ORDER       "LatinOrder" /* name of the order of elimination composed on a matrix, an IS */
+#define LATIN_FRONT_LANES 16           /* interleaved right-hand sides: in single precision they fill a vector register of 512 bits */
+/* Callback to the owner of the entries of a matrix, which the last fronts do not read: the owner may free them, or (again) must restore them */
 typedef struct {
-  PetscErrorCode (*tell)(void *owner, PetscBool again); /* NULL: they stay */
+  PetscErrorCode (*tell)(void *owner, PetscBool again); /* NULL: the entries are kept */
   void *owner;
 } LatinSpending;
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
@@ -79,8 +79,8 @@ PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal 
 /* ---- one dense Schur complement (localsolvers/elimination.c) ---- */
 PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
 
-/* ---- solvers that options choose (localsolvers/chosen.c) ---- */
-#define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* of an iterative solver that is taken to be exact */
+/* ---- solvers chosen by options (localsolvers/chosen.c) ---- */
+#define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* tolerance of an iterative solver in place of a direct one */
 PETSC_INTERN PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is);
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
@@ -92,11 +92,11 @@ PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, PetscBool direct, K
 #define LATIN_LANES         8  /* equal subdomains whose links are swept together */
 #define LATIN_BATCH_COLUMNS 64 /* equal subdomains solved together: right-hand sides stay in cache */
 
-/* Subdomains whose operators are equal to the bit share one */
+/* Subdomains with bitwise equal operators */
 typedef struct {
-  PetscInt  members, *sub; /* the first one represents them */
+  PetscInt  members, *sub; /* subdomains, the first one represents them */
   PetscInt  rows;          /* of the operator */
-  PetscBool alike;         /* the links of all members have the same laws and the same order of states */
+  PetscBool alike;         /* links of all members have the same laws, and states in the same order */
 } LatinBatch;
 
 typedef struct {
@@ -108,9 +108,9 @@ PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt 
 PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 
-/* The matrix and the KSP of a batch of an earlier set-up, whose symbolic phase serves a matrix of the same pattern */
+/* Matrix and KSP of a batch of the last set-up, whose symbolic factorisation is reused for a matrix of the same pattern */
 typedef struct {
-  LatinSparse rows; /* that K is made of */
+  LatinSparse rows; /* arrays of K */
   Mat         K;
   KSP         ksp;
   IS          kept;
@@ -123,20 +123,20 @@ typedef struct LatinLocalSolvers {
   PetscInt                        n;
   PetscBool                       direct;             /* all of them are factorisations */
   LatinSparse                    *rows;               /* of the operators, filled by others */
-  const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
-  const PetscBool                *keeps;              /* [batches] do they? NULL: all do, they are all of the interfaces, and who uses them measures what rounding leaves of both */
-  const struct LatinLocalSolvers *like;               /* of the same rows, of which these hold some: their order of elimination serves as well; NULL: none */
-  LatinPrecision                  precision;          /* that factors may have: who uses them corrects their solves */
-  LatinSpending                   spending;           /* of the entries of the only operator */
-  PetscReal                       rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
+  const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries on the copies that are rows of the Schur complements; NULL: none */
+  const PetscBool                *keeps;              /* [batches] has the factor a Schur complement? NULL: all have, of all interface dofs, and linear stages test their precision */
+  const struct LatinLocalSolvers *like;               /* solvers of the same rows without the clamped ones: their order of elimination is reused; NULL: none */
+  LatinPrecision                  precision;          /* allowed for factors, whose rounding errors linear stages correct */
+  LatinSpending                   spending;           /* for the entries of the only operator */
+  PetscReal                       rounding;           /* largest contraction of the error by factors of this rank; 0: in double precision */
   Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
   KSP                            *ksp;
-  IS                             *rest; /* rows that the factor keeps to the last, NULL: none */
+  IS                             *rest; /* rows of the Schur complement, ordered last; NULL: none */
   PetscInt                        retired;
-  LatinRetired                   *before; /* [retired] of the last set-up, until this one has taken what it can use */
+  LatinRetired                   *before; /* [retired] solvers of the last set-up, until this one has reused them */
   LatinFactorStatus               status; /* of the set-up on this rank */
-  PetscInt                        last;   /* the last batch that was set up: where a failure is */
-  PetscBool                       failed; /* a solve failed on this rank since this was cleared */
+  PetscInt                        last;   /* the last batch that was set up, the one that failed if any did */
+  PetscBool                       failed; /* a solve on this rank has failed since the caller cleared it */
 } LatinLocalSolvers;
 PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], PetscBool once);

@@ -1,10 +1,10 @@
 #include "localsolvers/latinlocalsolvers.h"
 
-/* In place of localsolvers/cholesky.c where PETSc has no CHOLMOD. */
+/* Stubs of localsolvers/cholesky.c for a PETSc without CHOLMOD. */
 
 #if !LATIN_CHOLMOD
 
-/* This PETSc has no CHOLMOD: MatGetFactorAvailable() says so of the type */
+/* Nothing to register: MatGetFactorAvailable() returns false for the type */
 PetscErrorCode LatinCholeskyRegister(void)
 {
   return 0;

@@ -3,20 +3,20 @@
 
 /*
    The order of elimination: nested dissection of the graph of the nodes, which has bs^2 times fewer edges than that of the degrees
-   of freedom, by planes where their places are known (partition/dissection.c), else by METIS. The rows of a node
-   follow each other, bs of them, the block size of the matrix.
+   of freedom: by planes if coordinates are known (partition/dissection.c), else by METIS. The bs rows of a node are
+   consecutive; bs is the block size of the matrix.
 */
 
-#define LATIN_ORDERING_PASSES 1 /* of METIS' refinement of a separator, of which ten are its default: the same fill to 1 % (mean of three seeds), in 0.7 (networks) to 0.83 (grid) of the time */
+#define LATIN_ORDERING_PASSES 1 /* passes of METIS' refinement of a separator; its default is ten: the same fill to 1 % (mean of three seeds), in 0.7 (networks) to 0.83 (grid) of the time */
 
-/* The nodes whose columns the rows of a node have, each once: list[first[i]] to list[first[i + 1] - 1]. The caller frees list */
+/* Neighbours of node i in the graph of the nodes, each once, i included: list[first[i]] to list[first[i + 1] - 1]. The caller frees list */
 PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], PetscInt first[], PetscInt **list)
 {
   PetscInt *seen, used = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(n, &seen));
-  PetscCall(PetscMalloc1(ia[bs * n], list)); /* what is left at the end is never touched */
+  PetscCall(PetscMalloc1(ia[bs * n], list)); /* an upper bound: pages at the end are never touched */
   for (PetscInt i = 0; i < n; i++) seen[i] = -1;
   for (PetscInt i = 0; i < n; i++) {
     first[i] = used;
@@ -35,8 +35,8 @@ PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, const PetscIn
 }
 
 /*
-   Neighbours of the nodes that have a vertex in a matrix of n nodes, both ways: METIS may not end on a graph that lacks one
-   of two edges, and an entry that rounding leaves on one side alone is such an edge. The caller frees them.
+   Symmetric graph of the nodes that have a vertex, of a matrix of n nodes. An entry may be zero by rounding on one side of the
+   diagonal alone, and METIS may not terminate on an unsymmetric graph. The caller frees *start and *list.
 */
 static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], const PetscInt vertex[], idx_t **start, idx_t **list)
 {
@@ -81,7 +81,7 @@ static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const 
   PetscFunctionReturn(0);
 }
 
-/* Places of the nodes of a matrix that a DMPLEX of one rank has made, of blocks of bs unknowns at its vertices; else NULL */
+/* Coordinates of the nodes of a matrix of a sequential DMPLEX, with bs unknowns at each vertex; else NULL */
 static PetscErrorCode LatinOrderingMesh_Private(Mat A, PetscInt bs, PetscInt nodes, Vec *places)
 {
   PetscSection       unknowns, points;
@@ -105,7 +105,7 @@ static PetscErrorCode LatinOrderingMesh_Private(Mat A, PetscInt bs, PetscInt nod
   PetscCall(DMPlexGetDepthStratum(dm, 0, &start, &end));
   PetscCall(PetscSectionGetConstrainedStorageSize(unknowns, &total));
   PetscCall(PetscSectionGetChart(points, &low, &high));
-  if (total != bs * nodes || low > start || high < end) PetscFunctionReturn(0); /* the matrix is a part of the mesh's, or it has no places of vertices */
+  if (total != bs * nodes || low > start || high < end) PetscFunctionReturn(0); /* the matrix is a part of that of the mesh, or vertices have no coordinates */
   PetscCall(VecCreateSeq(PETSC_COMM_SELF, dim * nodes, places));
   PetscCall(VecSetBlockSize(*places, dim));
   PetscCall(VecGetArrayRead(all, &x));
@@ -122,11 +122,11 @@ static PetscErrorCode LatinOrderingMesh_Private(Mat A, PetscInt bs, PetscInt nod
   }
   PetscCall(VecRestoreArrayWrite(*places, &at));
   PetscCall(VecRestoreArrayRead(all, &x));
-  if (found != bs * nodes) PetscCall(VecDestroy(places)); /* there are others, of edges or cells */
+  if (found != bs * nodes) PetscCall(VecDestroy(places)); /* there are unknowns on edges or cells */
   PetscFunctionReturn(0);
 }
 
-/* Places of the nodes of a matrix, [nodes][dim], if it carries them or a mesh has them. The caller destroys them */
+/* Coordinates of the nodes of a matrix, [nodes][dim], composed on it or from its mesh; NULL if there are none. The caller destroys them */
 static PetscErrorCode LatinOrderingPlaces_Private(Mat A, PetscInt bs, PetscInt nodes, Vec *places)
 {
   PetscInt n, dim;
@@ -144,7 +144,7 @@ static PetscErrorCode LatinOrderingPlaces_Private(Mat A, PetscInt bs, PetscInt n
   PetscFunctionReturn(0);
 }
 
-/* The order of the nodes that have a vertex: position[] of each vertex */
+/* position[]: place of each vertex in the order of elimination */
 static PetscErrorCode LatinOrderVertices_Private(Mat A, PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], const PetscInt vertex[], idx_t vertices, idx_t position[])
 {
   idx_t             *start, *list, *order, options[METIS_NOPTIONS];
@@ -184,8 +184,8 @@ static PetscErrorCode LatinOrderVertices_Private(Mat A, PetscInt bs, PetscInt n,
 }
 
 /*
-   order[] lists the rows of A, of nodes of bs rows each: last the nodes that have kept rows, these themselves after all others.
-   kept[rows] may be NULL
+   order[]: rows of A in the order of elimination. Nodes with kept rows (those of the Schur complement) come last, and their kept rows
+   after all others. kept[rows] may be NULL
 */
 PetscErrorCode LatinOrderNodes_Private(Mat A, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[])
 {
@@ -224,7 +224,7 @@ PetscErrorCode LatinOrdering(Mat A, MatOrderingType type, IS *rows, IS *columns)
   (void)type;
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &size, &ia, &ja, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Ordering %s needs the rows of a matrix of type seqaij", LATIN_ORDERING);
-  n = size; /* which is given back */
+  n = size; /* MatRestoreRowIJ() resets size */
   PetscCall(PetscMalloc1(size, &order));
   PetscCall(LatinOrderNodes_Private(A, size, ia, ja, NULL, order));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &size, &ia, &ja, &done));

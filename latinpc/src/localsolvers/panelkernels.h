@@ -1,9 +1,9 @@
 /*
-   The columns of one front, by panels, in one precision: included once for each, as localsolvers/frontkernels.h, whose names
-   FRONT_REAL, FRONT_BLAS() and FRONT() are those here.
+   Cholesky factorisation of the columns of a front, by panels; included once for each precision, as localsolvers/frontkernels.h, which
+   defines FRONT_REAL, FRONT_BLAS() and FRONT().
 */
 
-/* Takes from columns y and z what some columns X before them leave on these rows: two by four stay in registers */
+/* Updates columns y and z by some columns X before them: the coefficients of two by four stay in registers */
 LATIN_INLINE void FRONT(LatinPanelTake)(const PetscInt some, PetscInt rows, size_t height, const FRONT_REAL L[], const FRONT_REAL X[], FRONT_REAL y[restrict], FRONT_REAL z[restrict])
 {
   FRONT_REAL l[4], m[4];
@@ -26,10 +26,10 @@ LATIN_INLINE void FRONT(LatinPanelTake)(const PetscInt some, PetscInt rows, size
   }
 }
 
-/* B = B L^-t for the rows of a panel below its triangle, some at a time that stay in the first cache */
+/* B = B L^-t for the rows of a panel below its triangle, in blocks that fit the first-level cache */
 static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, const FRONT_REAL L[], size_t height, FRONT_REAL B[])
 {
-  FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* beside the last of an odd number of columns */
+  FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* partner of the last column of an odd number */
 
   for (PetscInt r = 0; r < rows; r += LATIN_PANEL_ROWS) {
     const PetscInt some = PetscMin(LATIN_PANEL_ROWS, rows - r);
@@ -52,21 +52,21 @@ static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, co
   }
 }
 
-/* Eliminates the columns of one panel, with so many rows below its triangle; PETSC_FALSE where they are not positive definite */
+/* Factors one panel, with `below` rows below its triangle; PETSC_FALSE if it is not positive definite */
 static PetscBool FRONT(LatinPanel)(PetscBLASInt wide, PetscBLASInt below, FRONT_REAL panel[], PetscBLASInt ld)
 {
   const FRONT_REAL one = 1;
   PetscBLASInt     info;
 
   FRONT_BLAS(potrf)("L", &wide, panel, &ld, &info);
-  if (info || !(panel[(size_t)(wide - 1) * (size_t)(ld + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
-  /* with vectors of 512 bits trsm of OpenBLAS takes as long as three products of that size; with shorter ones it is the quicker one */
+  if (info || !(panel[(size_t)(wide - 1) * (size_t)(ld + 1)] > 0.0)) return PETSC_FALSE; /* refuses NaN */
+  /* with vectors of 512 bits trsm of OpenBLAS takes as long as three products of that size; with shorter ones it is faster than this kernel */
   if (LatinClonesWide()) FRONT(LatinPanelBelow)(below, wide, panel, (size_t)ld, panel + wide);
   else if (below) FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &wide, &one, panel, &ld, panel + wide, &ld);
   return PETSC_TRUE;
 }
 
-/* Eliminates these columns, in which row r of column c is at ld * c + r, by halves that are panels in the end; PETSC_FALSE where they are not positive definite */
+/* Factors the columns of a front, row r of column c at ld * c + r, by recursive halving down to panels; PETSC_FALSE if they are not positive definite */
 static PetscBool FRONT(LatinPanels)(PetscBLASInt columns, PetscBLASInt height, FRONT_REAL front[], PetscBLASInt ld)
 {
   const FRONT_REAL   minus = -1, one = 1;

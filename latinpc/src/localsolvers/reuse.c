@@ -1,11 +1,11 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   New values in matrices of an old pattern: their solvers take them over with the symbolic phase, which is the order of
-   elimination and the structure of the factor. Patterns are compared entry by entry, so that no one has to promise that they are the same.
+   Reuse of solvers for new values in matrices of the same pattern: with their symbolic factorisation, the order of
+   elimination and the structure of the factor. Patterns are compared entry by entry, so that the caller need not assert that they are equal.
 */
 
-/* Has the matrix, of one rank, these rows? */
+/* *same: the sequential matrix K has this pattern */
 PetscErrorCode LatinSameRows_Private(Mat K, PetscInt rows, const PetscInt i[], const PetscInt j[], PetscBool *same)
 {
   const PetscInt *ki, *kj;
@@ -22,7 +22,7 @@ PetscErrorCode LatinSameRows_Private(Mat K, PetscInt rows, const PetscInt i[], c
   PetscFunctionReturn(0);
 }
 
-/* The rows of a batch, of springs and no blocks, in the place of those that had its number before, if they are the same: *done */
+/* Assembles the rows of a batch (springs, no blocks) into the retired rows of the same number, if the pattern is the same: *done */
 PetscErrorCode LatinLocalSolversRenew_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal spring[], const PetscBool held[], PetscBool *done)
 {
   LatinRetired *old = i < solvers->retired ? &solvers->before[i] : NULL;
@@ -37,7 +37,7 @@ PetscErrorCode LatinLocalSolversRenew_Private(LatinLocalSolvers *solvers, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Gives a batch, whose rows and kept rows are there, a solver that was kept for the same ones; its matrix takes the values, unless they are in it */
+/* Finds a retired solver with the rows and kept rows of a batch, and gives it the new values, unless they are in its matrix: *found */
 PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *solvers, PetscInt i, PetscBool *found)
 {
   LatinSparse *rows = &solvers->rows[i];
@@ -46,7 +46,7 @@ PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionBegin;
   *found = PETSC_FALSE;
   for (PetscInt k = 0; k < solvers->retired && !*found; k++) {
-    LatinRetired *old = &solvers->before[(i + k) % solvers->retired]; /* as a rule it has the number that it had */
+    LatinRetired *old = &solvers->before[(i + k) % solvers->retired]; /* usually that of the same number */
 
     if (!old->ksp || (old->rows.i && old->rows.bs != rows->bs) || !old->kept != !solvers->rest[i]) continue;
     if (old->rows.i) PetscCall(LatinSameRows_Private(old->K, rows->rows, rows->i, rows->j, found));

@@ -1,6 +1,6 @@
 /*
-   What the factorisation of localsolvers/cholesky.c is made of: rows that are kept, and the fronts that CHOLMOD's symbolic
-   analysis (localsolvers/analysis.c) gives.
+   Data of the factorisation of localsolvers/cholesky.c: rows of the Schur complement, and the fronts from the symbolic analysis
+   by CHOLMOD (localsolvers/analysis.c).
 */
 #ifndef LATINSUPERNODES_H
 #define LATINSUPERNODES_H
@@ -18,15 +18,15 @@
 
 typedef struct {
   cholmod_common  common;
-  cholmod_factor *L;                           /* of the symbolic analysis, while that is under way */
-  PetscInt       *order, *first, *begin, *row; /* what the fronts need of it */
+  cholmod_factor *L;                           /* during the symbolic analysis only */
+  PetscInt       *order, *first, *begin, *row; /* its results for the fronts */
   LatinFronts     fronts;
-  PetscInt        n, kept;     /* the last rows in the order of elimination are kept: */
-  PetscBool      *keep;        /* [n] those asked for, and others of their nodes that are coupled to nothing */
+  PetscInt        n, kept;     /* rows; kept ones, the last in the order of elimination */
+  PetscBool      *keep;        /* [n] kept: rows of the Schur complement, and uncoupled rows of their nodes */
   PetscInt        asked, *ask; /* [asked] rows of the Schur complement, ascending */
-  LatinArithmetic precision;   /* that is asked for */
+  LatinArithmetic precision;   /* requested */
   PetscReal      *diagonal;    /* [kept] of the matrix */
-  PetscReal      *schur;       /* of F->schur, until it is given away; its lower triangle if it is for that alone */
+  PetscReal      *schur;       /* entries of F->schur, until they are given away; or (gives) its lower triangle, for that alone */
   PetscBool       gives;
   LatinSpending   spending; /* of the entries of the matrix */
 } LatinSupernodes;

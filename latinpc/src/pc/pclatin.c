@@ -1,14 +1,14 @@
 #include "pc/pclatinimpl.h"
 
 /*
-   PC latin: one linear stage from the zero state as a symmetric positive definite preconditioner, for the structure's
-   tangent stiffness matrix, or for a MATIS. Residuals go to the subdomains, and displacements come back, with the same weights; the
-   interiors of the subdomains are eliminated exactly before and after, so that only interface errors remain. The form
-   is that of balancing domain decomposition by constraints; the springs of the LATIN search direction make the local
+   PC latin: one linear stage from the zero state as a symmetric positive definite preconditioner of the tangent stiffness matrix of a
+   structure, or of a MATIS. The same weights distribute residuals to the copies of nodes and average their displacements. The interiors of
+   the subdomains are eliminated before and after the stage (static condensation), so that errors remain on interfaces only. This is
+   balancing domain decomposition by constraints, with the springs of the LATIN search direction, which make the local
    problems regular where a subdomain has mechanisms of its own.
 */
 
-/* The operators with the interfaces held. Springs and primal dofs are on interfaces only, so they play no part */
+/* Sets up the solvers of the interiors: operators with clamped interfaces, without springs and primal dofs, which are on interfaces only. Collective on pc */
 static PetscErrorCode PCLatinInterior_Private(PC pc)
 {
   PC_Latin          *data     = (PC_Latin *)pc->data;
@@ -20,7 +20,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PetscFunctionBegin;
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
   interior->like      = &latin->solvers;
-  interior->precision = LATIN_PRECISION_AUTO; /* the preconditioner is one for any of them, exact or not */
+  interior->precision = LATIN_PRECISION_AUTO; /* the preconditioner is valid for any accuracy of the interiors */
   PetscCall(PetscMalloc1(n, &held));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
   for (PetscInt b = 0; b < interior->n; b++) {
@@ -35,7 +35,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Work space, made anew by each set-up */
+/* Frees the work arrays, which depend on the set-up */
 static PetscErrorCode PCLatinClear_Private(PC_Latin *data)
 {
   PetscFunctionBegin;
@@ -57,9 +57,9 @@ static PetscErrorCode PCReset_Latin(PC pc)
 }
 
 /*
-   Is a linear stage all there is to do? Where the subdomains of every node share its displacement, and no spring is between
-   them, it solves exactly, if its solvers do. Where no node is inside a subdomain, as in coarse problems of substructures,
-   there is nothing to eliminate. Collective on pc
+   Sets data->stage: does the linear stage alone do? If all interface nodes are primal, without springs, it is exact with direct
+   solvers. If no node is inside a subdomain, as in coarse problems of substructures, there are no interiors to eliminate.
+   Collective on pc
 */
 static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
 {
@@ -93,7 +93,7 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
     PetscCall(LatinLocalSolversRetire(&data->interior));
     PetscCall(PCLatinClear_Private(data));
   } else PetscCall(PCReset_Latin(pc));
-  if (!data->shared) { /* where the interiors are solved exactly, stages only come and go at the nodes that subdomains share */
+  if (!data->shared) { /* with exact interior solves the stage is needed on interface nodes only */
     PetscCall(LatinSetPrefix_Private(latin, (PetscObject)pc));
     PetscCall(LatinSolverIsDefault_Private((PetscObject)latin, "interior", &latin->linear.shared));
     PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
@@ -109,13 +109,13 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Inside Newton's method the taut links of a step may be a mechanism: all ranks have the same error, and the step fails */
+/* In Newton's method the taut links of an iterate may be a mechanism: all ranks have the same error, which becomes a failure of the PC */
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  pc->failedreason = PC_NOERROR; /* that of the last operator: PETSc 3.18 keeps it */
+  pc->failedreason = PC_NOERROR; /* PETSc 3.18 keeps that of the last operator */
   if (!((PC_Latin *)pc->data)->yields) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);
@@ -131,12 +131,12 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* v = interior solution for the forces f at inner nodes; zero at the others */
+/* v = B f: displacements of the interiors, zero on interfaces */
 static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 {
   PC_Latin              *data = (PC_Latin *)pc->data;
   const LatinSubdomains *sub  = &data->latin->sub;
-  PetscReal             *g    = data->latin->linear.g; /* free as work space between linear stages */
+  PetscReal             *g    = data->latin->linear.g; /* work array between linear stages */
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) g[i] = PCLatinInner(data->latin, i / sub->bs) && !sub->fixed[i] ? f[i] : 0.0;
@@ -145,7 +145,7 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
   PetscFunctionReturn(0);
 }
 
-/* What an inner solver that has failed on this rank leaves is no number: the next norm of a Krylov method shows it to all ranks, and its reason names the preconditioner */
+/* Sets the result to infinity after a failed inner solve on this rank: the next norm of the Krylov method reports it on all ranks, with the reason of the PC */
 static void PCLatinFail(PC pc, PetscReal copy[])
 {
   PC_Latin *data = (PC_Latin *)pc->data;
@@ -155,7 +155,7 @@ static void PCLatinFail(PC pc, PetscReal copy[])
   pc->failedreason = PC_SUBPC_ERROR;
 }
 
-/* data->work = forces left on the interfaces once the interiors are in equilibrium with the forces x, kept in data->force */
+/* data->work = (1 - K B) x, the residual on the interfaces with the interiors in equilibrium; data->force = x on the copies */
 static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
@@ -171,7 +171,7 @@ static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
   PetscFunctionReturn(0);
 }
 
-/* u = weighted mean of the displacements of a linear stage for weighted forces; u may be forces */
+/* u = W L W^t forces: weighted mean of the displacements of a linear stage for weighted forces; u may be forces */
 static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
@@ -190,7 +190,7 @@ static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* y = displacements data->work on the interfaces, and interiors in equilibrium with them and the forces data->force */
+/* y = displacements data->work on the interfaces, extended to interiors in equilibrium with them and the forces data->force */
 static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -212,11 +212,11 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 
 /*
    With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
-   symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
+   symmetric positive definite if B is, exact or approximate. With an exact B, values of W and L in the interiors cancel.
 
-   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: W L W^t
-   alone takes a few more iterations of half the cost. Where all that is on interfaces is in the coarse problem W L W^t is
-   all of it: one factor a subdomain.
+   In the operators of a SNES latin slack links are taut, so that the elimination of the interiors is never exact: W L W^t
+   alone takes a few more iterations of half the cost. If all interface dofs are in the coarse problem, W L W^t alone is exact:
+   one factor for each subdomain.
 */
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
@@ -225,7 +225,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 
   PetscFunctionBegin;
   if (latin->stale && !data->shared) PetscCall(PCSetUp_Latin(pc));
-  if (!data->built) { /* its set-up has failed */
+  if (!data->built) { /* after a failed set-up */
     PetscCall(VecSet(y, INFINITY));
     PetscFunctionReturn(0);
   }
@@ -279,7 +279,7 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Gives a PC latin of its own the choices of a SNES latin: subdomains, coarse space, search direction. Collective on pc */
+/* Copies the options of a SNES latin, subdomains, coarse space and search direction, to a PC latin with its own decomposition. Collective on pc */
 PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
 {
   Latin own = ((PC_Latin *)pc->data)->latin;
@@ -295,7 +295,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Makes a PC latin of the decomposition of a SNES latin, whose operators have all links taut. Collective on pc */
+/* Makes a PC latin use the decomposition of a SNES latin, in whose operators all links are taut. Collective on pc */
 PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
@@ -308,7 +308,7 @@ PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* The solver around a PC latin: may coarse iterations end early? Of conjugate gradients they take as many then. Not collective */
+/* corrected: coarse iterations may stop early, as the Krylov method corrects their error; conjugate gradients take no more iterations then. Not collective */
 PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
 {
   PetscFunctionBegin;
@@ -317,14 +317,14 @@ PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
 }
 
 /*@C
-  LatinStructureAttachPC - Gives the structure to a preconditioner, where the matrix does not come from the DM of the structure.
+  LatinStructureAttachPC - Attaches a structure to a preconditioner whose matrix does not come from the DM of the structure.
 
   Collective on pc
 
   Level: intermediate
 
   Note:
-  Before or after `PCSetType()` and `PCSetFromOptions()`: types other than latin make no use of it.
+  Call it before or after `PCSetType()` and `PCSetFromOptions()`. Types other than latin ignore it.
 @*/
 PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 {
@@ -355,11 +355,11 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 }
 
 /*MC
-  PCLATIN - one linear stage of the LATIN method as a symmetric positive definite preconditioner for CG
+  PCLATIN - One linear stage of the LATIN method: a symmetric positive definite preconditioner for CG
 
   Options Database Keys:
 + -pc_latin_variant <none,macro,corner,published> - coarse treatment of weak interfaces
-. -pc_latin_modes_local <0>                    - local low-energy fields of low-energy subdomains, eigenvalues below this
+. -pc_latin_modes_local <0>                    - eigenvalue threshold of local low-energy modes in the coarse space
 . -pc_latin_subdomains <n>                     - number of subdomains
 . -pc_latin_direction <auto>                   - springs that keep the local problems regular
 . -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
@@ -368,8 +368,8 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
   Level: beginner
 
   Note:
-  Approximate solvers of the interiors and of the coarse problem are applied once, which leaves it linear, symmetric and
-  positive definite if they are so; inner iterations that end early do not, and need a flexible method such as `KSPFCG` or
+  With approximate solvers of the interiors and of the coarse problem, applied once, the preconditioner is linear, symmetric and
+  positive definite if they are. With inner iterations that stop early it is not linear: use a flexible method such as `KSPFCG` or
   `KSPFGMRES`. Solves of the subdomains are accurate.
 
 .seealso: `SNESLATIN`, `LatinStructureAttachPC()`, `PCShellSetLatin()`

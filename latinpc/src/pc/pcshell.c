@@ -1,8 +1,8 @@
 #include "pc/pclatinimpl.h"
 
-/* PC latin behind a PCSHELL, for programs that insist on one. */
+/* PC latin behind a PCSHELL, for programs that need one. */
 
-/* A PCSHELL hears nothing of a KSPReset(): for matrices of another size the inner PC forgets the one that it has. Collective on shell */
+/* Resets the inner PC if the size of the matrix has changed: KSPReset() does not reach a PC inside a PCSHELL. Collective on shell */
 static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
 {
   PetscInt  m, n;
@@ -57,7 +57,7 @@ static PetscErrorCode PCShellLatinView_Private(PC shell, PetscViewer viewer)
 }
 
 /*@C
-  PCShellSetLatin - Makes a preconditioner of type `PCSHELL` work as one of type latin, with the same options.
+  PCShellSetLatin - Makes a `PCSHELL` act as a `PCLATIN`, with the same options.
 
   Collective on pc
 

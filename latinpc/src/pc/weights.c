@@ -1,14 +1,14 @@
 #include "pc/pclatinimpl.h"
 
 /*
-   How the copies of a node share its force, and how their displacements are averaged: so that it costs least energy, by
-   the Schur complements of the two sides of an interface, where the search direction has them; elsewhere in proportion to
-   the diagonal of their operators.
+   Weights of the copies of a node, a partition of unity, for forces and for the average of displacements. If the search direction has the
+   Schur complements of both sides of an interface, these are the weights (deluxe scaling, of least energy); else the diagonal of
+   the operators (stiffness scaling).
 */
 
-#define LATIN_WEIGHT_LEAST LatinByPrecision(1e-12, 1e-5) /* of the largest stiffness: what a copy without stiffness counts */
+#define LATIN_WEIGHT_LEAST LatinByPrecision(1e-12, 1e-5) /* relative to the largest stiffness: added to that of each copy */
 
-/* The part of each copy in its node, in proportion to the stiffness (diagonal of its operator) */
+/* data->weight = stiffness scaling: diagonal of the operator of a copy over the sum of its node. Collective on pc */
 PetscErrorCode PCLatinWeights_Private(PC pc)
 {
   PC_Latin              *data      = (PC_Latin *)pc->data;
@@ -21,7 +21,7 @@ PetscErrorCode PCLatinWeights_Private(PC pc)
   PetscCall(LatinOperatorDiagonal(sub, stiffness));
   for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, stiffness[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
-  /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
+  /* weights must sum to 1 at nodes where no copy has a stiffness */
   for (PetscInt i = 0; i < bs * sub->copies; i++) stiffness[i] += LATIN_WEIGHT_LEAST * (largest > 0.0 ? largest : 1.0);
   PetscCall(LatinSum_Private(sub, stiffness, data->work));
   PetscCall(PetscArrayzero(data->f, bs * sub->copies));
@@ -30,7 +30,7 @@ PetscErrorCode PCLatinWeights_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Each copy's part of forces, or of displacements; inside subdomains the whole, or nothing where the interiors are solved exactly */
+/* part = weights times `whole`, forces or displacements of the copies; in interiors 1 times, or zero if they are solved exactly */
 PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal whole[], PetscReal part[])
 {
   PC_Latin              *data  = (PC_Latin *)pc->data;

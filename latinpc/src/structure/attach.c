@@ -1,9 +1,9 @@
 #include "structure/structureimpl.h"
 #include <petsc/private/snesimpl.h>
 
-/* Structures and PETSc's solvers: what a SNES calls, and how the structure of a SNES or a DM is found. */
+/* Structures and PETSc's solvers: callbacks of a SNES, and look-up of the structure of a SNES or a DM. */
 
-/* The structure behind a DM, which may be NULL: its own DM has a pointer to it, that of a solver owns it */
+/* The structure composed on a DM, which may be NULL: the structure's own DM has a pointer to it, that of a solver a reference */
 PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
 {
   PetscObject found = NULL;
@@ -15,7 +15,7 @@ PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
   PetscFunctionReturn(0);
 }
 
-/* The structure of a SNES: attached, or behind its DM; NULL if there is none */
+/* The structure attached to a SNES, or composed on its DM; NULL if there is none */
 PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structure)
 {
   PetscFunctionBegin;
@@ -24,7 +24,7 @@ PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structu
   PetscFunctionReturn(0);
 }
 
-/* The tensions of rigid links that a solver of the structure has; an error for a solver that can have none */
+/* Gets the tensions of rigid links from the solver of the structure; an error for a solver without; NULL if there are no rigid links, or a penalty replaces them */
 PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, const PetscReal *rigid[])
 {
   PetscErrorCode (*get)(SNES, const PetscReal *[]) = NULL;
@@ -38,7 +38,7 @@ PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, con
   PetscFunctionReturn(0);
 }
 
-/* The tensions of all links: of elastic ones by their law at u, of rigid ones as the solver has them */
+/* Tensions of all links: of elastic ones by their law at u, of rigid ones from the solver. Collective on structure */
 PetscErrorCode LatinSolverTensions_Private(SNES snes, LatinStructure structure, Vec u, PetscReal tension[])
 {
   const PetscReal *rigid;
@@ -62,7 +62,7 @@ static PetscErrorCode LatinStructureFunction_SNES(SNES snes, Vec u, Vec r, void 
   PetscFunctionReturn(0);
 }
 
-/* For other solvers as well, without a SNES */
+/* snes is not used: TS and others call it without one */
 PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
 {
   (void)snes;
@@ -81,17 +81,17 @@ static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *
   return LatinStructureComputeEnergy((LatinStructure)ctx, u, energy);
 }
 
-/* Residual, Jacobian and energy of the structure. Collective on snes */
+/* Sets residual, Jacobian and energy of the structure. Collective on snes */
 static PetscErrorCode LatinStructureEquations_Private(LatinStructure structure, SNES snes)
 {
   PetscFunctionBegin;
   PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
   PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
-  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* mean forces of a step have no potential */
+  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* the mean forces of a time step have no potential */
   PetscFunctionReturn(0);
 }
 
-/* The same where the structure is that of the DM: SNESSetDM() leaves no equations, or those of the DM before. Collective on snes */
+/* The same for the structure of the DM: after SNESSetDM() the SNES has no callbacks, or those of the last DM. Collective on snes */
 PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 {
   PetscErrorCode (*function)(SNES, Vec, Vec, void *);
@@ -104,15 +104,15 @@ PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 }
 
 /*@C
-  LatinStructureAttachSNES - Gives a SNES the DM, the residual, the Jacobian and the energy of a structure.
+  LatinStructureAttachSNES - Sets the DM, the residual, the Jacobian and the energy of a structure in a SNES.
 
-  Collective on snes; the SNES keeps the structure alive. Another structure in the place of one resets the SNES
+  Collective on snes; the SNES keeps a reference to the structure. Attaching another structure resets the SNES
 
   Level: beginner
 
   Note:
   Any SNES type then solves it: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`. A SNES without a DM of the
-  structure gets one of its own, of the same layout: what is set on it leaves other solvers of the structure alone.
+  structure gets a clone, so that settings of its DM do not affect other solvers of the structure.
 @*/
 PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
 {

@@ -1,13 +1,13 @@
 #include "structure/structureimpl.h"
 
 /*
-   What contacts with friction bear at most: a structure whose contacts are links that bear compression alone, along the edges of
-   a cone around Coulomb's, one in the place of each part. In the plane the cone is Coulomb's own; in space it has three
-   edges, and Coulomb's cone touches its sides. Where these links cannot bear the loads no friction does, and what moves then
-   proves a collapse (error/collapse.c). The friction of this structure follows no slip: that it bears the loads proves no equilibrium.
+   Upper bound of the limit load with friction: each contact becomes compression-only links along the edges of a polyhedral cone
+   around the Coulomb cone, an edge in the place of each part. In the plane it is the Coulomb cone itself; in space it has three
+   faces, which touch the Coulomb cone. If these links cannot bear the loads, no friction does: the mechanism proves a collapse
+   (error/collapse.c). Friction here is associated, slip opens the contact: tensions that bear the loads do not prove an equilibrium.
 */
 
-/* The directions of the edges in the place of the parts of a contact: n + mu t, of length 1, for tangential t around the normal n */
+/* Unit vectors of the edges, in the place of the parts of a contact: n + mu t, with tangential t around the normal n */
 static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal part[], PetscReal edge[])
 {
   static const PetscReal around[2][3][2] = {
@@ -25,7 +25,7 @@ static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal pa
   }
 }
 
-/* The structure of the cones of `base`, which is set up, has links that keep their direction, and is no time step. Collective on base */
+/* Creates the structure of the cones of `base`, which is set up, of linear geometry, and no time step. Collective on base */
 PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *newcones)
 {
   const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
@@ -51,13 +51,13 @@ PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *new
     if (base->law[l] == LATIN_LAW_FRICTION) LatinConesEdges(dim, base->friction[l], base->direction + dim * l, cones->direction + dim * l);
     if (base->law[l] == LATIN_LAW_FRICTION || base->law[l] == LATIN_LAW_TANGENT) cones->law[l] = LATIN_LAW_CONTACT;
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* where solvers find the cones */
+  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* solvers find the cones by it */
   PetscCall(LatinStructureComposeDM_Private(cones));
   *newcones = cones;
   PetscFunctionReturn(0);
 }
 
-/* Tensions of the edges become those of the parts of the contacts */
+/* Replaces tensions of edges by those of the parts of contacts */
 void LatinConesTensions(LatinStructure cones, PetscReal tension[])
 {
   const LatinStructure base = cones->cones_of;

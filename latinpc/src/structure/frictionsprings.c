@@ -1,25 +1,25 @@
 #include "structure/structureimpl.h"
 
 /*
-   Contacts with friction while Newton's method takes rigid links for springs (snes/multipliers.c). With y = lambda + r x of
-   all parts of a contact the normal part bears tau_n = min(y_n, 0), and the tangential ones y_t, or s y_t / |y_t| where
-   that is less. The bound s is either
+   Contacts with friction in Newton's method with multipliers, where rigid links are springs (snes/multipliers.c). With y = lambda + r x
+   of all parts of a contact, the normal tension is tau_n = min(y_n, 0), and the tangential one is y_t, projected to s y_t / |y_t| if
+   it exceeds the bound s:
 
-     given              Tresca's friction: the tensions have an energy, which is convex, and Newton's method a search that ends;
-     mu |tau_n|         Coulomb's friction: no energy, and a tangent stiffness that is not symmetric, since the slip pushes
-                        by -mu r x_n more where the normal part does.
+     given              Tresca friction: the tensions have a convex energy, and the line search of Newton's method converges;
+     mu |tau_n|         Coulomb friction: no energy, and a tangent stiffness that is not symmetric, since the bound of a slipping
+                        contact changes with its normal strain, by -mu r x_n.
 
-   Where a contact slips along w = y_t / |y_t| the tangent stiffness of its tangential parts is (r s / |y_t|) (1 - w w^t):
-   the diagonal is the stiffness of the links, which the preconditioner knows; the operator has the rest.
+   If a contact slips along w = y_t / |y_t|, the tangent stiffness of its tangential parts is (r s / |y_t|) (1 - w w^t). Its
+   diagonal is the stiffness of the links, which the preconditioner has; the operator adds the rest.
 */
 
-/* The bound of a contact whose normal part bears tau_n */
+/* Bound s of a contact with the normal tension tau_n */
 static inline PetscReal LatinFrictionBound(LatinStructure structure, PetscInt l, PetscReal normal)
 {
   return structure->bound ? structure->bound[l] : -structure->friction[l] * normal;
 }
 
-/* The l2 norm of the tangential parts of the contact that starts at link l */
+/* l2 norm over the tangential parts of the contact that starts at link l */
 static inline PetscReal LatinFrictionSize(LatinStructure structure, PetscInt l, const PetscReal part[])
 {
   PetscReal sum = 0.0;
@@ -28,7 +28,7 @@ static inline PetscReal LatinFrictionSize(LatinStructure structure, PetscInt l, 
   return PetscSqrtReal(sum);
 }
 
-/* Tensions of all links; those of tangential parts, y_t before, become s y_t / |y_t| where they are larger */
+/* Projects the tangential tensions y_t of contacts to s y_t / |y_t| if they exceed their bound s; tension: of all links */
 void LatinFrictionCap(LatinStructure structure, PetscReal tension[])
 {
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -40,8 +40,8 @@ void LatinFrictionCap(LatinStructure structure, PetscReal tension[])
 }
 
 /*
-   The strains x of the tangential parts become their tangent stiffnesses; and the slip of each contact: r s / |y_t| at its
-   normal part, w at the others; w is 0 where it sticks, or bears nothing
+   Replaces the strains x of tangential parts by their tangent stiffnesses. slip: r s / |y_t| at the normal part of each contact, w at
+   the tangential ones; w = 0 at contacts that stick or are open
 */
 void LatinFrictionTangents(LatinStructure structure, PetscReal x[], PetscReal slip[])
 {
@@ -65,7 +65,7 @@ void LatinFrictionTangents(LatinStructure structure, PetscReal x[], PetscReal sl
   }
 }
 
-/* Changes of the elongations, times the stiffnesses k of the links, become changes of the tensions: what the diagonal has not is added */
+/* Adds the off-diagonal part of the tangent stiffness of friction, for elongations e, to the tensions k e */
 void LatinFrictionMult(LatinStructure structure, const PetscReal slip[], const PetscReal e[], PetscReal tension[])
 {
   for (PetscInt l = 0; l < structure->links_local; l++) {

@@ -1,12 +1,12 @@
 #include "structure/turned.h"
 
-/* Linear buckling: how tensions grow with displacements, and the stiffness that they give links against being turned. */
+/* Linear buckling: derivative of the tensions along displacements, and geometric stiffness of tensions. */
 
-/* Only where links turn. Collective on structure */
+/* Requires a geometry with rotations of links. Collective on structure */
 static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
-  PetscCheck(structure->span, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "The geometric stiffness is that of links that turn, and the geometry of the structure is linear: set it to prestress or large with LatinStructureSetGeometry()");
+  PetscCheck(structure->span, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "The geometric stiffness needs rotations of links, and the geometry of the structure is linear: set it to prestress or large with LatinStructureSetGeometry()");
   PetscFunctionReturn(0);
 }
 
@@ -34,7 +34,7 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
     LatinTurned link;
 
     LatinTurnedLink(structure, NULL, l, a, &link);
-    if (!(link.size > 0.0)) continue; /* as the tangent has it: its ends meet, or it keeps its direction */
+    if (!(link.size > 0.0)) continue; /* as in the tangent: its ends coincide, or its direction is constant */
     for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
     for (PetscInt i = 0; i < n * n; i++) {
       const PetscInt p = i / n % dim, q = i % n % dim;
@@ -53,8 +53,8 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
 }
 
 /*@C
-  LatinStructureComputeGeometricStiffness - The geometric stiffness of given tensions: the sum over all links of tau / R (1 - n n^t), R and n the
-  length and the direction of a link, in the displaced structure where displacements are large, else as drawn.
+  LatinStructureComputeGeometricStiffness - Geometric stiffness of given tensions: the sum over all links of tau / R (1 - n n^t), R and n the
+  length and the direction of a link, in the displaced configuration if displacements are large, else in the drawn one.
 
   Collective on structure
 
@@ -63,13 +63,13 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
 - tension - tau of this rank's links, [links_local] in the caller's numbering, positive in traction
 
   Output Parameter:
-. G - overwritten; made by `DMCreateMatrix()` on the DM of the structure
+. G - overwritten; from `DMCreateMatrix()` on the DM of the structure
 
   Level: intermediate
 
   Note:
-  G is linear in the tensions, and no better than indefinite where some are compressive. With the tensions at u it is the part of the
-  tangent stiffness of `LatinStructureComputeJacobian()` that prestress makes.
+  G is linear in the tensions; it may be indefinite if some are compressive. With the tensions at u it is the geometric part of the
+  tangent stiffness of `LatinStructureComputeJacobian()`.
 
 .seealso: `LatinStructureComputeJacobian()`, `LatinStructureGetTensions()`, `LatinStructureSetGeometry()`
 @*/
@@ -81,7 +81,7 @@ PetscErrorCode LatinStructureComputeGeometricStiffness(LatinStructure structure,
   PetscFunctionReturn(0);
 }
 
-/* The forces f = G- v, G- the geometric stiffness of the compressions at u, their sign turned. Collective on structure */
+/* f = G- v, with G- minus the geometric stiffness of the compressive tensions at u. Collective on structure */
 PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec v, Vec f)
 {
   const PetscInt     dim = structure->dim;
@@ -92,7 +92,7 @@ PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &across));
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, v, &along, &b)); /* no change where prescribed */
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, v, &along, &b)); /* zero where prescribed */
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
     PetscReal          stretch = 0.0;
@@ -120,7 +120,7 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
   PetscCall(DMGetLocalVector(structure->dm, &at));
   PetscCall(DMGetLocalVector(structure->dm, &along));
   PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, at));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, v, along)); /* no change where prescribed */
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, v, along)); /* zero where prescribed */
   PetscCall(VecGetArrayRead(at, &a));
   PetscCall(VecGetArrayRead(along, &b));
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -140,7 +140,7 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
 }
 
 /*@C
-  LatinStructureGetTensionRates - The derivative of the tensions at u along v, k_t n . (v_2 - v_1); zero in slack links.
+  LatinStructureGetTensionRates - Derivative of the tensions at u along v, k_t n . (v_2 - v_1); zero in slack links.
 
   Collective on structure
 

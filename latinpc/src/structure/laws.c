@@ -1,6 +1,6 @@
 #include "structure/laws.h"
 
-/* The table of laws: those of structure/laws.h as functions of one form */
+/* The table of laws: those of structure/laws.h behind one interface */
 
 const char *const LatinLawTypes[] = {"bar", "cable", "compression_only", "inextensible", "contact", "friction", "tangent", "LatinLawType", "LATIN_LAW_", NULL};
 
@@ -52,7 +52,7 @@ static PetscReal LatinLawLocal_Rigid(PetscReal l, PetscReal e0, PetscReal y, voi
   return LatinRigidLocal(*(const PetscReal *)sign, l, e0, y);
 }
 
-/* In the order of LatinLawType, then what is registered. The tangential parts of a contact with friction have no law of their own: stages/localcontacts.c */
+/* Laws in the order of LatinLawType, then registered ones. Tangential parts of contacts with friction depend on the normal part: stages/localcontacts.c */
 LatinLaw LatinLaws[LATIN_LAWS_MAX] = {
   {.name = "bar", .smooth = PETSC_TRUE, .tension = LatinLawTension_Bar, .tangent = LatinLawTangent_Bar, .energy = LatinLawEnergy_Bar, .local = LatinLawLocal_Bar},
   {.name = "cable", .tension = LatinLawTension_Unilateral, .tangent = LatinLawTangent_Unilateral, .energy = LatinLawEnergy_Unilateral, .local = LatinLawLocal_Unilateral, .ctx = &traction},

@@ -1,14 +1,13 @@
 /*
-   Constitutive laws. The strain variable is x = e + e0. The local stage meets the law along the ascent direction
+   Constitutive laws. The strain variable is x = e + e0. The local stage intersects the law with the ascent direction
    (tau_hat - tau) + l (e_hat - e) = 0, that is tau_hat + l e_hat = y with y = tau + l e, and returns the descent datum
-   s = tau_hat - l e_hat, which is all that the linear stage (26) needs; tau_hat is (y + s) / 2.
+   s = tau_hat - l e_hat, the only input of the linear stage (26); tau_hat is (y + s) / 2.
 
-   Elastic laws have l = k. Rigid ones have no stiffness of their own: there, k is the ascent direction and nothing else,
-   and the tension is no function of the strain.
+   Elastic laws have l = k. Rigid laws have no stiffness: their k is the ascent direction alone, and their tension is not a
+   function of the strain.
 
-   Unilateral laws come in pairs: sign is 1 for those that bear traction (cable, inextensible), -1 for their mirror images
-   that bear compression (compression-only, contact). The relations stand here once, for the table of laws and for the
-   sweep over equal subdomains, where they become vector instructions.
+   Unilateral laws come in pairs: sign is 1 for traction (cable, inextensible), -1 for compression (compression-only, contact).
+   The functions are shared by the table of laws and the sweep over equal subdomains, where the compiler vectorises them.
 */
 #ifndef LATINLAWS_H
 #define LATINLAWS_H
@@ -32,7 +31,7 @@ static inline PetscReal LatinBarLocal(PetscReal k, PetscReal e0)
   return k * e0;
 }
 
-/* (4), equivalent to the complementarity (5): as a bar when taut, otherwise slack. With e0 > 0 and sign -1, an elastic contact with that gap */
+/* (4), equivalent to the complementarity (5): a bar when taut, else slack. With e0 > 0 and sign -1, an elastic contact with this gap */
 static inline PetscReal LatinUnilateralTension(PetscReal sign, PetscReal k, PetscReal x)
 {
   return sign * x > 0.0 ? LatinBarTension(k, x) : 0.0;
@@ -56,7 +55,7 @@ static inline PetscReal LatinUnilateralLocal(PetscReal sign, PetscReal k, PetscR
   return sign * (y + taut) > 0.0 ? taut : -y;
 }
 
-/* (3): 0 <= -sign x, sign tau >= 0, one of them zero. tau_hat: taut, e_hat = -e0; slack, no tension */
+/* (3), complementarity: -sign x >= 0, sign tau >= 0, one of them zero. tau_hat: taut, e_hat = -e0; slack, tau_hat = 0 */
 static inline PetscReal LatinRigidTension(PetscReal sign, PetscReal l, PetscReal e0, PetscReal y)
 {
   const PetscReal r = y + l * e0;
@@ -69,13 +68,13 @@ static inline PetscReal LatinRigidLocal(PetscReal sign, PetscReal l, PetscReal e
   return LatinRigidTension(sign, l, e0, y) != 0.0 ? y + 2.0 * l * e0 : -y;
 }
 
-/* ---- the table of laws (structure/laws.c), and what is added to it (structure/userlaws.c) ---- */
+/* ---- the table of laws (structure/laws.c), with registered ones (structure/userlaws.c) ---- */
 typedef struct {
   const char *name;
-  const char *cure;                                                      /* what to take for a rigid law where a stiffness is needed */
-  PetscBool   smooth;                                                    /* a linear law carries no state */
-  PetscBool   rigid;                                                     /* the tension is no function of the strain: no tension, tangent, energy */
-  PetscReal   stiffness;                                                 /* its own, where a link is given none; 0: it has none */
+  const char *cure;                                                      /* elastic replacement of a rigid law, for error messages */
+  PetscBool   smooth;                                                    /* linear: no state in the local stage */
+  PetscBool   rigid;                                                     /* the tension is not a function of the strain: tension, tangent and energy are NULL */
+  PetscReal   stiffness;                                                 /* default stiffness of links; 0: none */
   PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau for the strain x = e + e0 */
   PetscReal (*tangent)(PetscReal k, PetscReal x, void *ctx);             /* an element of the generalised derivative */
   PetscReal (*energy)(PetscReal k, PetscReal x, void *ctx);              /* the convex potential whose derivative is the tension */

@@ -1,19 +1,19 @@
 #include "structure/structureimpl.h"
 
-/* The energy of a structure along a step of Newton's method, from u to u - t step. */
+/* Line search: minimises the energy of a structure along a Newton step, u - t step. */
 
-#define LATIN_SEARCH_MOST      80   /* trial lengths: every third halves the interval */
-#define LATIN_SEARCH_GROWS     8.0  /* the next length where the energy falls all the way */
-#define LATIN_SEARCH_FAR       1e12 /* the longest */
+#define LATIN_SEARCH_MOST      80   /* most trial lengths: every third halves the bracket */
+#define LATIN_SEARCH_GROWS     8.0  /* growth of the length while the energy decreases */
+#define LATIN_SEARCH_FAR       1e12 /* greatest length */
 #define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one; hardly any step depends on it */
 
-/* The links along a step: strains x - t d, and t bend of the springs to the ground */
+/* The energy along a step: strains x - t d; slope of loads and springs work + t bend */
 typedef struct {
   PetscReal *x, *d, *tension; /* [links_local] */
-  PetscReal  work, bend;      /* slope at t = 0 of loads and springs, and how the springs change it */
+  PetscReal  work, bend;      /* slope at t = 0 of loads and springs to the ground; curvature of the springs */
 } LatinLine;
 
-/* The derivative of the energy with t. Collective on structure */
+/* Slope: derivative of the energy with respect to t. Collective on structure */
 static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const LatinLine *line, PetscReal t, PetscReal *slope)
 {
   PetscFunctionBegin;
@@ -27,10 +27,10 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
 }
 
 /*
-   The length t at which the energy along u - t step is least, and 1 when it falls all the way; `more` is a load beside that
-   of the structure, or NULL. Where slack links keep some stiffness, a step may be too short by orders of magnitude: the
-   bracket grows from 1 until the energy rises at its end. The derivative of the energy is monotone and piecewise linear in t, so that a
-   secant that never leaves its bracket ends soon. Collective on structure.
+   *length: minimiser t of the energy along u - t step; 1 if the energy decreases without bound. `more`: an additional load, or NULL. With
+   a small stiffness of slack links a step may be too short by orders of magnitude: the bracket grows from 1 until the slope at its end is
+   positive. The slope is monotone and piecewise linear in t, so that the bracketed secant method converges in a few trials.
+   Collective on structure
 */
 PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec step, Vec more, PetscReal *length)
 {
@@ -42,7 +42,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(n, &line.x, n, &line.d, n, &line.tension));
   PetscCall(LatinStructureStrains_Private(structure, u, line.x));
-  PetscCall(LatinStructureElongations_Private(structure, NULL, step, line.d)); /* no change where prescribed */
+  PetscCall(LatinStructureElongations_Private(structure, NULL, step, line.d)); /* zero where prescribed */
   PetscCall(VecDot(structure->load, step, &work));
   if (more) PetscCall(VecDot(more, step, &other));
   /* a quadratic energy: g (u - t step)^2 / 2 */
@@ -53,7 +53,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   slope[0] = first;
   for (PetscInt k = 0; k < LATIN_SEARCH_MOST; k++) {
     PetscCall(LatinLineSlope_Private(structure, &line, t, &here));
-    if (k == 0 && first >= 0.0) break; /* it was never falling: rounding */
+    if (k == 0 && first >= 0.0) break; /* no descent direction: rounding */
     if (PetscAbsReal(here) <= LATIN_SEARCH_TOLERANCE * PetscAbsReal(first)) break;
     if (here > 0.0) {
       high     = t;
@@ -62,13 +62,13 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
       low      = t;
       slope[0] = here;
     }
-    if (slope[1] == 0.0) { /* it falls all the way so far */
+    if (slope[1] == 0.0) { /* no bracket yet: the energy still decreases */
       t = LATIN_SEARCH_GROWS * low;
       if (t < LATIN_SEARCH_FAR) continue;
       t = 1.0;
       break;
     }
-    /* the secant, or the middle every third time, when one end does not move */
+    /* secant; every third time bisection, in case one end does not move */
     t = k % 3 == 2 ? 0.5 * (low + high) : low - slope[0] * (high - low) / (slope[1] - slope[0]);
     if (high - low <= PETSC_MACHINE_EPSILON * high) break;
   }
@@ -77,7 +77,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionReturn(0);
 }
 
-/* Twice the energy per square of the length t that u - t step stores for t without end: that of links far out. Collective on structure */
+/* *resisted: curvature of the energy along u - t step for t to infinity, from the stiffness of links at large strains. Collective on structure */
 PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted)
 {
   PetscReal *d, ground;

@@ -1,27 +1,28 @@
 /*
-   Links that turn during a time step, from r0 to r1 = r0 + 2 d: the implicit midpoint scheme with the mean force of the step
-   [J. C. Simo, N. Tarnow; O. Gonzalez]. With W the energy of the law, R = |r|, and x the strain,
+   Energy-momentum scheme of links that rotate in a time step, from r0 to r1 = r0 + 2 d: the implicit midpoint rule with the mean force of
+   the step [J. C. Simo, N. Tarnow; O. Gonzalez]. With W the energy of the law, R = |r|, and x the strain,
 
      f(d) = g (r0 + d),  g = 2 tau / (R0 + R1),  tau = (W(x1) - W(x0)) / (x1 - x0).
 
-   Its work in the step is tau (R1 - R0) = W(x1) - W(x0), whatever the step and the law: energy stays, and does not grow. And it is along
-   (r0 + r1) / 2, so that angular momentum stays. The unknown d is half the change of r; as drawn stands r0, the start of the step.
+   Its work in the step is tau (R1 - R0) = W(x1) - W(x0), whatever the step and the law: energy is conserved. Its direction is
+   (r0 + r1) / 2: angular momentum is conserved. The unknown d is half the change of r; r0, at the start of the step, replaces the
+   drawn configuration.
 
-   Local stage. With the search direction E, as in structure/turning.h, r0 + d = (g + E)^-1 w, and R1 alone is unknown: a root of
+   Local stage. With the search direction E, as in structure/turning.h, r0 + d = (g + E)^-1 w: the only unknown is R1, the root of
 
      |2 (g(R1) + E)^-1 w - r0| - R1 = 0,
 
-   whose left side falls, as g grows with R1. A link that keeps its direction n has f(d) = tau n, with the same work.
+   whose left side decreases, as g increases with R1. A link of constant direction n has f(d) = tau n, with the same work.
 */
 #ifndef LATINMIDPOINT_H
 #define LATINMIDPOINT_H
 
 #include "structure/laws.h"
 
-#define LATIN_MIDPOINT_NOISE 16.0 /* eps, of the energies: where the mean of both tensions does their difference it is the mean tension, without cancellation */
-#define LATIN_MIDPOINT_MOST  200  /* trial lengths: a safeguard, Newton's method takes 2 on average, 20 at most */
+#define LATIN_MIDPOINT_NOISE 16.0 /* times eps, of the energies: if the mean of both end tensions gives their difference to this rounding, it is taken as the mean tension, to avoid cancellation */
+#define LATIN_MIDPOINT_MOST  200  /* most iterations, a safeguard: Newton's method takes 2 on average, 20 at most */
 
-/* The mean tension between the strains x0 and x1, and its derivative by x1 */
+/* Mean tension between the strains x0 and x1; slope: its derivative with respect to x1 */
 static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal *slope)
 {
   const PetscReal t1 = law->tension(k, x1, law->ctx), mean = 0.5 * (law->tension(k, x0, law->ctx) + t1), d = x1 - x0;
@@ -35,7 +36,7 @@ static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, P
   return (w1 - w0) / d;
 }
 
-/* g for S = R0 + R1, and its derivative by R1 */
+/* g for S = R0 + R1; slope: its derivative with respect to R1 */
 static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal S, PetscReal *slope)
 {
   const PetscReal tension = LatinMidpointTension(law, k, x0, x1, slope);
@@ -44,7 +45,7 @@ static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, Pet
   return 2.0 * tension / S;
 }
 
-/* The same of a link that keeps its direction n, for the part R of r0 + d along n: x1 = x0 + 2 (R - R0) */
+/* Local stage of a link of constant direction n: the component R of r0 + d along n, with x1 = x0 + 2 (R - R0) */
 static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, PetscReal R0)
 {
   PetscReal R = R0, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
@@ -67,16 +68,16 @@ static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffne
   return R;
 }
 
-/* The equation of one link in the local stage */
+/* Local stage of one link */
 typedef struct {
   const LatinLaw *law;
   PetscInt        dim;
   PetscReal       stiffness, natural; /* k and L of the law */
-  PetscReal       k, c;               /* search direction, along the first component and along others */
+  PetscReal       k, c;               /* search direction E: of the first component, of the others */
   PetscReal       w[3], r0[3], R0;
 } LatinMidpoint;
 
-/* g at the root; r: r0 + d */
+/* Returns g at the root; r: r0 + d */
 static inline PetscReal LatinMidpointSolve(const LatinMidpoint *link, PetscReal r[])
 {
   PetscReal low = 0.0, high = PETSC_MAX_REAL, R = link->R0, g = 0.0;

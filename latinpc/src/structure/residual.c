@@ -2,7 +2,7 @@
 
 /* Nodal unbalance (1), its derivative, and the potential energy. */
 
-/* With the tensions `rigid` of the rigid links, NULL for none. Collective on structure */
+/* Tensions at u; rigid: tensions of rigid links, NULL: zero. Collective on structure */
 PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   PetscFunctionBegin;
@@ -16,7 +16,7 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* The unbalance with them. Collective on structure */
+/* Unbalance r = B^t tau - F with these tensions. Collective on structure */
 PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
   PetscReal *tension;
@@ -34,22 +34,22 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 }
 
 /*@C
-  LatinStructureComputeResidual - The nodal unbalance r = B^t tau - F at the free degrees of freedom, (1); u and r are DM global vectors.
+  LatinStructureComputeResidual - Nodal unbalance r = B^t tau - F at the free degrees of freedom, (1); u and r are DM global vectors.
 
   Collective on structure
 
   Level: intermediate
 
   Note:
-  Tensions of links of a rigid law are no function of the displacements: a structure with such links has no residual of
-  its own. SNES latin has one, with the tensions of its last solve: `SNESComputeFunction()`.
+  Tensions of rigid links are not a function of the displacements: a structure with such links has no residual. Use
+  `SNESComputeFunction()` of SNES latin, with the tensions of its last solve.
 @*/
 PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Vec r)
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "The unbalance takes the tensions of links of the rigid law %s, which are no function of the displacements: call SNESComputeFunction() on the SNES latin that has solved for them", LatinLaws[structure->rigid_law].name);
+             "The unbalance needs the tensions of links of the rigid law %s, which are not a function of the displacements: call SNESComputeFunction() on the SNES latin that has solved for them", LatinLaws[structure->rigid_law].name);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureResidual_Private(structure, NULL, u, r));
   PetscFunctionReturn(0);
 }
@@ -106,14 +106,14 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 }
 
 /*@C
-  LatinStructureComputeJacobian - The generalised derivative J = B^t k_t B of the unbalance at u, k_t the tangent stiffness of each link.
+  LatinStructureComputeJacobian - Tangent stiffness J = B^t k_t B, the generalised derivative of the unbalance at u, k_t the tangent stiffness of each link.
 
   Collective on structure
 
   Level: intermediate
 
   Note:
-  J comes from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is.
+  Create J by `DMCreateMatrix()`: AIJ, or MATIS with -dm_mat_type is.
 @*/
 PetscErrorCode LatinStructureComputeJacobian(LatinStructure structure, Vec u, Mat J)
 {
@@ -149,14 +149,14 @@ static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structu
 }
 
 /*@C
-  LatinStructureComputeEnergy - The potential energy: strain energy of the links less the work of the loads.
+  LatinStructureComputeEnergy - Potential energy: strain energy of the links minus the work of the loads.
 
   Collective on structure
 
   Level: intermediate
 
   Note:
-  Links of a rigid law store none.
+  Links of a rigid law have no strain energy.
 @*/
 PetscErrorCode LatinStructureComputeEnergy(LatinStructure structure, Vec u, PetscReal *energy)
 {

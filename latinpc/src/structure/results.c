@@ -1,6 +1,6 @@
 #include "structure/structureimpl.h"
 
-/* What displacements of a structure mean: energy, distances, and values of nodes and links in the caller's numbering. */
+/* Results of displacements: errors, tensions in the caller's numbering, active links. */
 
 static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
 {
@@ -30,7 +30,7 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
 }
 
 /*@C
-  LatinStructureComputeErrors - Relative distance of displacements u from a reference, absolute where this is zero.
+  LatinStructureComputeErrors - Relative distance of displacements u from a reference; absolute if the reference is zero.
 
   Collective on structure
 
@@ -57,19 +57,19 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
   Level: beginner
 
   Note:
-  Tensions of links of a rigid law are no function of the displacements: `SNESLatinGetTensions()` has those of a solve.
+  Tensions of rigid links are not a function of the displacements: `SNESLatinGetTensions()` returns those of a solve.
 @*/
 PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscReal tension[])
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "Tensions of links of the rigid law %s are no function of the displacements: call SNESLatinGetTensions() on the SNES latin that has solved for them (in Python, latinpc.tensions(snes))", LatinLaws[structure->rigid_law].name);
+             "Tensions of links of the rigid law %s are not a function of the displacements: call SNESLatinGetTensions() on the SNES latin that has solved for them (in Python, latinpc.tensions(snes))", LatinLaws[structure->rigid_law].name);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureTensions_Private(structure, NULL, u, tension));
   PetscFunctionReturn(0);
 }
 
-/* How many links can be slack, and how many of them bear something */
+/* Numbers of unilateral links, and of active ones, with tension. Collective on structure */
 PetscErrorCode LatinStructureCountActive_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral)
 {
   PetscReal *tension;

@@ -1,17 +1,17 @@
 #include "structure/structureimpl.h"
 
 /*
-   What rigid laws ask of a structure. Their stiffness k is no property of theirs but the ascent direction l of the local
-   stage, a search parameter that decides how fast the iteration converges and not to what. The structure has what the
-   caller gave, 0 for none; a solver has the parameters that it works with, chosen here. Their tension is no function of the
-   displacements: a solver has them, the structure has not.
+   Rigid laws: search parameters and checks. Their stiffness k is not a property but the ascent direction l of the local
+   stage, a search parameter, which affects speed, not the result. The structure stores the value of the caller, 0 for none;
+   the values in use are chosen here and stored by the solver. Their tensions are not a function of the displacements: the solver
+   stores them.
 */
 
-#define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with: a unit, no iteration depends on it */
+#define LATIN_RIGID_SMALL 1e-3 /* displacements relative to the spacing of the nodes, if there is no gap to compare with: a unit, no iteration depends on it */
 #define LATIN_HELD_NOISE  8.0  /* times eps, of prescribed displacements and gap: rounding of an elongation */
-#define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
+#define LATIN_RIGID_RUBS  0.1  /* factor on search parameters with friction: grains slip by more than their gaps */
 
-/* The parts of a contact with friction follow each other, on one rank, with the same end nodes, an orthonormal frame and a coefficient */
+/* Checks contacts with friction: their parts must be consecutive, on one rank, with the same end nodes, an orthonormal frame and a coefficient. Collective on structure */
 static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
 {
   const PetscInt   dim = structure->dim, n = structure->links_local, *law = structure->law;
@@ -35,17 +35,17 @@ static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structu
     }
   }
   LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_WRONG,
-             "Link %" PetscInt_FMT " is not part of a whole contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
+             "Link %" PetscInt_FMT " is not part of a complete contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
              structure->links_start + bad, dim, dim - 1);
-  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not at right angles: give the normal and the tangential ones with LatinStructureSetDirections()",
+  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not orthogonal: set the normal and the tangential ones with LatinStructureSetDirections()",
              structure->links_start + skew);
   LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp()", structure->links_start + without);
   PetscFunctionReturn(0);
 }
 
 /*
-   After the laws, and again when they change: checks, and one number for all elastic links, for rigid ones that have no
-   elastic neighbour; without any, the mean load of a loaded node over the mean gap. Collective on structure
+   Checks rigid laws, and sets rigid_scale, the search parameter of rigid links without elastic neighbours: the mean stiffness of elastic
+   links; without any, the mean load of a loaded node over the mean gap. Called after each change of laws. Collective on structure
 */
 PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 {
@@ -72,7 +72,7 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(DMGetBoundingBox(structure->dm, low, high));
   for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, high[c] - low[c]);
-  /* without any elastic link and without gaps, tensions do not depend on l: so that displacements are small beside the spacing of the nodes */
+  /* without elastic links and gaps, tensions do not depend on l: choose it for displacements that are small relative to the spacing of nodes */
   if (!(sum[2] > 0.0)) {
     sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
     sum[3] = 1.0;
@@ -83,9 +83,9 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 }
 
 /*
-   The stiffnesses of the links of this rank, and of rigid ones search parameters. Where the caller gave none: the mean
-   stiffness of the elastic links at the two nodes, and in a time step what the masses of the two nodes oppose to a change
-   of their distance. Rounded to a power of two, so that equal subdomains have equal ones to the bit, on any number of
+   k: stiffnesses of the links of this rank; of rigid ones search parameters. Unless the caller set them, these are the mean
+   stiffness of the elastic links at the two nodes, plus in a time step the inertia of the two nodes against a change
+   of their distance. They are rounded to powers of two, so that equal subdomains have bitwise equal ones, on any number of
    ranks. Collective on structure
 */
 PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal k[])
@@ -100,7 +100,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
     PetscCall(DMGetLocalVector(structure->dm, &local));
-    PetscCall(LatinStructureGetLocal_Private(structure, NULL, structure->ground, local)); /* 0 for a vertex that is held */
+    PetscCall(LatinStructureGetLocal_Private(structure, NULL, structure->ground, local)); /* 0 at clamped vertices */
     PetscCall(VecGetArrayRead(local, &g));
     for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
     PetscCall(VecRestoreArrayRead(local, &g));
@@ -126,7 +126,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* Ends in an error where a stiffness is asked for, or tensions of displacements, and there is a rigid law */
+/* Raises an error if there is a rigid law: for functions that need a stiffness, or tensions as a function of displacements */
 PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
@@ -135,7 +135,7 @@ PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const 
   PetscFunctionReturn(0);
 }
 
-/* The strain of a link under the vertex displacements a, of one that turns the exact one */
+/* Strain of a link under the vertex displacements a; exact for links that rotate */
 static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const PetscScalar a[])
 {
   const PetscInt   dim  = structure->dim;
@@ -151,8 +151,8 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
 }
 
 /*
-   Before a solve: a rigid link that no free displacement can lengthen or shorten must admit what is prescribed at its ends; in a motion, how these move.
-   Collective on structure
+   Check before a solve: the prescribed displacements (in a time step, their increments) at the ends of a rigid link must be kinematically
+   admissible, if no free displacement strains the link. Collective on structure
 */
 PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
 {
@@ -192,7 +192,7 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   PetscCall(DMRestoreLocalVector(structure->dm, &open));
   PetscCall(DMRestoreGlobalVector(structure->dm, &none));
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
-             "Link %" PetscInt_FMT " (%s) is between prescribed displacements that it does not admit: they miss its gap by %g. Prescribe others, give it another initial elongation, or leave it out", structure->links_start + bad,
+             "Link %" PetscInt_FMT " (%s) has prescribed displacements that are not kinematically admissible: they miss its gap by %g. Change them or its initial elongation, or remove the link", structure->links_start + bad,
              LatinLaws[structure->law[PetscMax(0, bad)]].name, (double)missed);
   PetscFunctionReturn(0);
 }

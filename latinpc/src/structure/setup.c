@@ -1,8 +1,8 @@
 #include "structure/structureimpl.h"
 
-/* The DMPLEX of a structure: its mesh, and once supports are known its section and the numbers of the free degrees of freedom. */
+/* The DMPLEX of a structure: its mesh; after supports are set, its section and the numbering of free degrees of freedom. */
 
-/* The nodes of this rank's links, ascending, and where the ends of these are among them. The caller frees *number */
+/* number: nodes of the links of this rank, ascending; sets structure->ends to places in it. The caller frees *number */
 static PetscErrorCode LatinStructureEnds_Private(LatinStructure structure, PetscInt *n, PetscInt **number)
 {
   const PetscInt ends = 2 * structure->links_local, *node = structure->nodes;
@@ -13,7 +13,7 @@ static PetscErrorCode LatinStructureEnds_Private(LatinStructure structure, Petsc
     low  = PetscMin(low, node[i]);
     high = PetscMax(high, node[i]);
   }
-  if (high - low >= 2 * ends) { /* a table of all numbers between would be long */
+  if (high - low >= 2 * ends) { /* sparse numbers: sort, as a table from low to high would be too long */
     *n = ends;
     PetscCall(PetscMalloc1(ends, number));
     PetscCall(PetscArraycpy(*number, node, ends));
@@ -36,7 +36,7 @@ static PetscErrorCode LatinStructureEnds_Private(LatinStructure structure, Petsc
   PetscFunctionReturn(0);
 }
 
-/* The vertices: nodes of links, and then those without link, each on the rank that gives the node. Collective on structure */
+/* Creates vertex_sf. Vertices are the nodes of links here, then nodes without links, each on the rank that created it. Collective on structure */
 static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
 {
   MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
@@ -65,7 +65,7 @@ static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Of the ranks that have a vertex the last one owns it: the others find it there. Collective on structure */
+/* Sets the point SF of the DM: the last rank that has a vertex owns it. Collective on structure */
 static PetscErrorCode LatinStructureOwners_Private(LatinStructure structure)
 {
   const PetscInt m = structure->links_local, n = structure->vertices;
@@ -97,7 +97,7 @@ static PetscErrorCode LatinStructureOwners_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* The DM and where its vertices find their nodes. PETSc makes one of many ranks in three times the time */
+/* Creates the DM and vertex_sf. DMPlexCreateFromCellListParallelPetsc() takes three times as long on many ranks. Collective on structure */
 static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
 {
   PetscSF moved;
@@ -109,13 +109,13 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscCall(DMSetDimension(structure->dm, 1));
   PetscCall(DMPlexBuildFromCellList(structure->dm, structure->links_local, structure->vertices, 2, structure->ends));
   PetscCall(LatinStructureOwners_Private(structure));
-  PetscCall(PetscSFDuplicate(structure->vertex_sf, PETSCSF_DUPLICATE_GRAPH, &moved)); /* once it has moved coordinates, in one dimension PETSc no longer takes sums by it */
+  PetscCall(PetscSFDuplicate(structure->vertex_sf, PETSCSF_DUPLICATE_GRAPH, &moved)); /* a copy: in one dimension, sums by an SF fail after it has moved coordinates */
   PetscCall(DMPlexBuildCoordinatesFromCellListParallel(structure->dm, structure->dim, moved, structure->x));
   PetscCall(PetscSFDestroy(&moved));
   PetscFunctionReturn(0);
 }
 
-/* The vertices that several ranks have, and the way from their owners to the others. Collective on structure */
+/* Sets shared_vertex, the vertices shared by ranks, and shared_sf, from their owners to the other ranks. Collective on structure */
 static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
 {
   const PetscInt     m    = structure->links_local;
@@ -158,7 +158,7 @@ static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* The DM of a new structure, whose nodes and links are known, and unit vectors of the links, zero for nodes at one place. Collective on structure */
+/* Creates the DM from nodes and links, and the unit vectors of links, zero if both nodes are at the same point. Collective on structure */
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
   const PetscInt     m = structure->links_local, dim = structure->dim;
@@ -168,7 +168,7 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
   PetscFunctionBegin;
   PetscCall(LatinStructureCreatePlex_Private(structure));
   PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
-  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers. The name of 0 depends on the version */
+  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers; 0, as the name of the enum depends on the version of PETSc */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = 0; l < m; l++) {
@@ -182,7 +182,7 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Another DM of the same layout: PETSc keeps the callbacks of solvers there. Collective on structure */
+/* Clones the DM with its sections: PETSc stores the callbacks of a solver in its DM. Collective on structure */
 PetscErrorCode LatinStructureCloneDM_Private(LatinStructure structure, DM *dm)
 {
   PetscSection section;
@@ -193,11 +193,11 @@ PetscErrorCode LatinStructureCloneDM_Private(LatinStructure structure, DM *dm)
   PetscCall(DMSetLocalSection(*dm, section));
   PetscCall(DMCreateDS(*dm));
   PetscCall(DMGetGlobalSection(structure->dm, &section));
-  PetscCall(DMSetGlobalSection(*dm, section)); /* or it is made once more */
+  PetscCall(DMSetGlobalSection(*dm, section)); /* else PETSc would create it again */
   PetscFunctionReturn(0);
 }
 
-/* The structure is found by its DM, which does not own it: the structure owns the DM */
+/* Composes a pointer to the structure on its DM, without a reference: the structure owns the DM */
 PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
 {
   PetscContainer container;
@@ -210,7 +210,7 @@ PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* The constrained components of a point, which the section is to have. PetscSectionSetConstraintIndices() of PETSc 3.18 reads another point's where the chart does not begin at 0 */
+/* Sets the constrained components of a point. PetscSectionSetConstraintIndices() of PETSc 3.18 reads those of another point if the chart does not begin at 0 */
 static PetscErrorCode LatinSectionConstrain_Private(PetscSection section, PetscInt point, PetscInt n, const PetscInt list[])
 {
   const PetscInt *of_point, *of_field;
@@ -224,7 +224,7 @@ static PetscErrorCode LatinSectionConstrain_Private(PetscSection section, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Displacements at the vertices, the last points of the DM, some of them prescribed */
+/* Section of displacements at the vertices, the last points of the DM; vfixed: prescribed components. Collective on structure */
 static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[])
 {
   const PetscInt dim = structure->dim, vstart = structure->links_local;
@@ -235,7 +235,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscCall(PetscSectionSetNumFields(section, 1));
   PetscCall(PetscSectionSetFieldName(section, 0, "displacement"));
   PetscCall(PetscSectionSetFieldComponents(section, 0, dim));
-  PetscCall(PetscSectionSetChart(section, vstart, vstart + structure->vertices)); /* links are more, and have none */
+  PetscCall(PetscSectionSetChart(section, vstart, vstart + structure->vertices)); /* without links, which have no dofs and are more than vertices */
   for (PetscInt v = 0; v < structure->vertices; v++) {
     PetscInt constrained = 0;
 
@@ -254,17 +254,17 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
     PetscCall(LatinSectionConstrain_Private(section, vstart + v, n, list));
   }
   PetscCall(DMSetLocalSection(structure->dm, section));
-  PetscCall(DMCreateDS(structure->dm)); /* SNES asks for one in later versions of PETSc */
+  PetscCall(DMCreateDS(structure->dm)); /* SNES needs one in later versions of PETSc */
   PetscCall(PetscSectionDestroy(&section));
   PetscFunctionReturn(0);
 }
 
-/* Nodes without link are held, or have a mass of these, which flies. Collective on structure */
+/* Checks that nodes without links are fixed or have a mass; sets structure->flies. Collective on structure */
 PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, const PetscReal mass[])
 {
   const PetscInt     dim = structure->dim;
   const PetscSFNode *root;
-  PetscInt           leaves, first[2] = {PETSC_MAX_INT, PETSC_MAX_INT}; /* free components; those of no mass */
+  PetscInt           leaves, first[2] = {PETSC_MAX_INT, PETSC_MAX_INT}; /* first free component; first one without mass */
 
   PetscFunctionBegin;
   PetscCall(PetscSFGetGraph(structure->vertex_sf, NULL, &leaves, NULL, &root));
@@ -282,7 +282,7 @@ PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, con
   PetscFunctionReturn(0);
 }
 
-/* In statics nothing holds such a mass. Collective on structure */
+/* Refuses free nodes without links in statics. Collective on structure */
 PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
@@ -322,7 +322,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   PetscCall(LatinStructureCreateSection_Private(structure, vfixed));
   PetscCall(PetscFree(vfixed));
 
-  /* numbers of the free degrees of freedom, brought to the caller's nodes; all copies of a vertex agree on them */
+  /* global_dof: numbers of free dofs at the caller's nodes; all copies of a vertex have the same */
   for (PetscInt i = 0; i < n; i++) structure->global_dof[i] = -1;
   PetscCall(DMGetLocalToGlobalMapping(structure->dm, &map));
   PetscCall(ISLocalToGlobalMappingGetIndices(map, &vdof));
@@ -336,15 +336,15 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureSetUp - Prepares the DM of a structure once laws, supports and loads are given.
+  LatinStructureSetUp - Sets up the DM of a structure, after laws, supports and loads.
 
   Collective on structure
 
   Level: beginner
 
   Note:
-  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches and that has no mass, on every
-  rank. Where it has one it flies in a motion; solvers of statics refuse it.
+  Raises `PETSC_ERR_ARG_WRONGSTATE` on every rank for a node with a free displacement, without links and without mass. A node with
+  a mass moves freely in a motion; solvers of statics refuse it.
 @*/
 PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 {
@@ -357,7 +357,7 @@ PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureGetDM - The DMPLEX of a structure, whose global vectors hold the free displacement components.
+  LatinStructureGetDM - DMPLEX of a structure; its global vectors contain the free displacement components.
 
   Not collective; the reference is borrowed
 

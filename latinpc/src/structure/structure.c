@@ -39,11 +39,11 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     *structure = NULL;
     PetscFunctionReturn(0);
   }
-  if (l->base) { /* a time step has the rest from its base */
+  if (l->base) { /* a time step borrows the rest from its base */
     PetscCall(PetscFree5(l->e0, l->prescribed, l->vertex_prescribed, l->held, l->vertex_held));
     PetscCall(VecDestroy(&l->ground));
     PetscCall(LatinStructureDestroy(&l->base));
-  } else if (l->turns) { /* so have parts of links */
+  } else if (l->turns) { /* the same for parts of links */
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
     PetscCall(PetscFree(l->spring));
@@ -63,7 +63,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   }
   PetscCall(PetscFree(l->span));
   PetscCall(VecDestroy(&l->load));
-  if (l->dm) { /* others may hold the DM */
+  if (l->dm) { /* others may have references to the DM */
     PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL));
     PetscCall(PetscObjectDestroy(&l->dm->dmsnes));
   }
@@ -75,7 +75,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
 }
 
 /*@C
-  LatinStructureReference - Counts one more owner of a structure; each calls `LatinStructureDestroy()` once.
+  LatinStructureReference - Adds a reference to a structure; each is released by `LatinStructureDestroy()`.
 
   Not collective
 
@@ -143,7 +143,7 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
 
   Input Parameters:
 + dim          - number of displacement components of a node: 1, 2 or 3
-. nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
+. nodes_local  - number of nodes given by this rank; nodes are numbered rank by rank
 . nodes_global - number of all nodes, or `PETSC_DETERMINE`
 . coordinates  - [nodes_local][dim], a length
 . links_local  - number of links given by this rank
@@ -158,22 +158,22 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
 PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
 {
   PetscFunctionBegin;
-  PetscCheck(newlinks, comm, PETSC_ERR_ARG_NULL, "There must be a place for the new structure");
+  PetscCheck(newlinks, comm, PETSC_ERR_ARG_NULL, "newlinks is NULL: it must point to the new structure");
   PetscCall(LatinWatchCreate_Private(comm));
   LatinWatch(comm, LatinStructureCreate_Private(comm, dim, nodes_local, nodes_global, coordinates, links_local, link_nodes, newlinks));
   PetscFunctionReturn(0);
 }
 
 /*@C
-  LatinStructureSetLaws - Gives each link of this rank its constitutive law (2), (3), (4).
+  LatinStructureSetLaws - Sets the constitutive laws (2), (3), (4) of the links of this rank.
 
   Collective on structure
 
   Input Parameters:
-+ law       - [links_local] a `LatinLawType` each, or what `LatinLawRegister()` and `LatinLawRegisterTable()` gave
-. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; 0 for the own
-  stiffness of a table
-- e0        - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration, and of
++ law       - [links_local] `LatinLawType`, or number from `LatinLawRegister()` or `LatinLawRegisterTable()`
+. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; of a table
+  0: its own stiffness
+- e0        - [links_local] initial elongations, lengths, or NULL for zero; k e0 is the tension in the prestressed configuration; of
   a contact e0 is the gap
 
   Level: beginner
@@ -194,7 +194,7 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
     if (badlaw < 0 && !known) badlaw = l;
     if (badk < 0 && (PetscIsInfOrNanReal(stiffness[l]) || (!(stiffness[l] > 0.0) && !(stiffness[l] == 0.0 && known && (LatinLaws[law[l]].rigid || LatinLaws[law[l]].stiffness > 0.0))))) badk = l;
     if (!known) continue;
-    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table speaks for all */
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table, for messages */
     if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
     if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
   }
@@ -239,14 +239,14 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
 }
 
 /*@C
-  LatinStructureSetPrestress - Gives the links of this rank the tensions T, [links_local], of the prestressed configuration: e0 = T / k.
+  LatinStructureSetPrestress - Sets the tensions T, [links_local], of the links of this rank in the prestressed configuration: e0 = T / k.
 
   Collective on structure; after `LatinStructureSetLaws()`
 
   Level: intermediate
 
   Note:
-  T is a force: of bars, of cables not negative, of compression-only links not positive; zero of other laws.
+  T is a force: any for bars, >= 0 for cables, <= 0 for compression-only links, 0 for other laws.
 @*/
 PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscReal prestress[])
 {
@@ -276,7 +276,7 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
 }
 
 /*@C
-  LatinStructureSetSupports - Prescribes the displacement components of the nodes of this rank where `fixed`, [nodes_local][dim], is true.
+  LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank: those where `fixed`, [nodes_local][dim], is true.
 
   Collective on structure; before `LatinStructureSetUp()`
 
@@ -342,16 +342,16 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
 }
 
 /*@C
-  LatinStructureSetDirections - Gives links directions, [links_local][dim], other than from their first to their second node.
+  LatinStructureSetDirections - Sets directions of links, [links_local][dim], other than from their first to their second node.
 
   Collective on structure; before `LatinStructureSetUp()`
 
   Level: intermediate
 
   Notes:
-  The elongation of a link is the displacement of its second node along its direction, less that of the first one.
-  Directions are of any length; zero leaves one to the coordinates of the nodes. For contacts of nodes at the same place,
-  the tangential parts of contacts, and the transverse stiffness of taut cables.
+  The elongation of a link is the displacement of its second node along its direction, minus that of the first one.
+  Directions may have any length; zero: from the coordinates of the nodes. Use: contacts of nodes at the same point,
+  tangential parts of contacts, transverse stiffness of taut cables.
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
@@ -366,7 +366,7 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 }
 
 /*@C
-  LatinStructureSetFriction - Gives the contacts of this rank their coefficients of friction, [links_local], read at links of law friction only.
+  LatinStructureSetFriction - Sets the coefficients of friction of the contacts of this rank, [links_local], read at links of law friction only.
 
   Collective on structure; before `LatinStructureSetUp()`
 

@@ -1,6 +1,6 @@
 /*
-   Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
-   those before it only:
+   Structures of links: their data, and the functions of their files for each other and for the solvers. Each file calls those
+   before it only:
 
      laws, userlaws; vectors; turning; rigidlaws; frictionsprings; tangent, linesearch; residual, results; setup; structure; timestep, frame, frictioncones; attach
 */
@@ -27,7 +27,7 @@ typedef enum {
 
 struct _p_LatinStructure {
   PETSCHEADER(int);
-  /* a time step has from here to set_up what its base has */
+  /* from here to keeps: a time step has a copy of the members of its base */
   PetscInt dim;
   PetscInt nodes_local, nodes_global; /* the caller's nodes: this rank's block, all */
   PetscInt links_local, links_global;
@@ -42,21 +42,21 @@ struct _p_LatinStructure {
   PetscInt     *law;           /* [links_local] LatinLawType */
   PetscReal    *stiffness;     /* [links_local] k */
   PetscReal    *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
-  PetscReal    *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
+  PetscReal    *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL: not set */
   PetscReal     rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
-  PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: there is none */
+  PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: no rigid links */
   PetscBool     general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
   PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices here */
   PetscInt      vertices;      /* vertices of the DM here */
-  PetscInt      unlinked;      /* nodes without link that this rank has given: the last of the vertices */
-  PetscInt      shared;        /* vertices here that other ranks have as well: */
-  PetscInt     *shared_vertex; /* [shared] ascending */
-  PetscSF       shared_sf;     /* from their owners to the others, by their places in this list; NULL: one rank */
-  PetscInt      flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
+  PetscInt      unlinked;      /* nodes without links that this rank created: the last vertices */
+  PetscInt      shared;        /* vertices here that other ranks have too */
+  PetscInt     *shared_vertex; /* [shared] their numbers, ascending */
+  PetscSF       shared_sf;     /* from their owners to the other ranks, by places in this list; NULL: one rank */
+  PetscInt      flies;         /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
   PetscBool     set_up;
   LatinGeometry geometry; /* how displacements turn links (structure/turning.c) */
   PetscBool    *keeps;    /* [links_local] links among those that turn far that keep their direction; NULL where no link turns */
-  /* what is a time step's own */
+  /* a time step has its own of the members below */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
   PetscReal       *held;              /* [nodes_local][dim] of a time step: the prescribed displacements of its base where it starts */
@@ -66,23 +66,23 @@ struct _p_LatinStructure {
   PetscBool        midpoint;          /* a time step of links that turn (structure/midpoint.h) */
   DM               dm;
   Vec              load;                             /* F at free dofs, DM global vector */
-  PetscObjectState load_state, e0_state, held_state; /* counted up at each change, so that a solver sees what to rebuild */
+  PetscObjectState load_state, e0_state, held_state; /* increased at each change: solvers compare them to rebuild */
   /* dynamics (structure/timestep.c), NULL in statics */
   PetscReal       *mass;       /* [nodes_local] */
   Vec              inertia;    /* M at free dofs */
-  LatinStructure   base;       /* the structure that this one is a time step of */
-  PetscObjectState base_state; /* its state when it was last looked at */
+  LatinStructure   base;       /* the structure of which this one is a time step */
+  PetscObjectState base_state; /* of the base at the last update */
   Vec              ground;     /* springs between the nodes and the ground, at free dofs: M / h^2 of a time step */
-  PetscReal        shift;      /* this 1 / h^2 */
-  /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
+  PetscReal        shift;      /* 1 / h^2 */
+  /* [links_local] while rigid links are springs in the method of multipliers (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
+  const PetscReal *bound; /* the same: friction bound of each contact, read at its normal part (Tresca); NULL: Coulomb friction */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead;    /* [links_local] tensions in the tangent stiffness */
   const PetscReal *strain;   /* [links_local] their strains, from which laws go on as straight lines, or NULL */
   const PetscReal *slope;    /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
   PetscReal        hold;     /* beside them: what slack cables keep of the mean tension over length, as stiffness */
-  LatinStructure   cones_of; /* the structure with friction that this one has the cones of (structure/frictioncones.c), NULL in others */
+  LatinStructure   cones_of; /* the structure with friction whose polyhedral cones this one has (structure/frictioncones.c), NULL in others */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
@@ -119,8 +119,8 @@ static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, 
 }
 
 /*
-   The tension of a rigid link that is taken for a spring: max(0, lambda + r x) where traction is admissible, min(0, lambda + r x) where
-   compression is; of the tangential part of a contact lambda + r x, which its bound limits (structure/frictionsprings.c)
+   Tension of a rigid link as a spring: max(0, lambda + r x) for laws of traction, min(0, lambda + r x) for laws of
+   compression; of the tangential part of a contact lambda + r x, before the projection to its bound (structure/frictionsprings.c)
 */
 static inline PetscReal LatinStructureSpring(const LatinStructure structure, PetscInt l, PetscReal x)
 {
@@ -129,7 +129,7 @@ static inline PetscReal LatinStructureSpring(const LatinStructure structure, Pet
   return structure->law[l] == LATIN_LAW_TANGENT ? y : LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, y);
 }
 
-/* The tension of a link of the strain x. Those of rigid links, `rigid`, are no function of it: a solver has them, NULL before it has any */
+/* Tension of a link of strain x. rigid: tensions of rigid links, from the solver; NULL: zero */
 static inline PetscReal LatinStructureTension(const LatinStructure structure, const PetscReal rigid[], PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
@@ -138,9 +138,9 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
-#define LATIN_FAR 1e30 /* a length: a strain beyond every gap, whose square is still a number */
+#define LATIN_FAR 1e30 /* a length: a strain beyond every gap, whose square is finite */
 
-/* The tangent stiffness of a link of the strain x that is elastic, or taken for a spring */
+/* Tangent stiffness of a link of strain x, elastic or a spring in the method of multipliers */
 static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
@@ -149,13 +149,13 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
-/* Is the search parameter of a link to be chosen here? */
+/* Is the link rigid, without a search parameter from the caller? */
 static inline PetscBool LatinStructureTuned(const LatinStructure structure, PetscInt l)
 {
   return (PetscBool)(LatinLaws[structure->law[l]].rigid && !(structure->stiffness[l] > 0.0));
 }
 
-/* ---- vectors, and what a caller gives (structure/vectors.c) ---- */
+/* ---- vectors, checks of arguments (structure/vectors.c) ---- */
 PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, PetscObject solver);
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
@@ -173,12 +173,12 @@ PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
 
-/* ---- contacts with friction that are taken for springs (structure/frictionsprings.c) ---- */
+/* ---- contacts with friction as springs (structure/frictionsprings.c) ---- */
 PETSC_INTERN void LatinFrictionCap(LatinStructure, PetscReal tension[]);
 PETSC_INTERN void LatinFrictionTangents(LatinStructure, PetscReal x[], PetscReal slip[]);
 PETSC_INTERN void LatinFrictionMult(LatinStructure, const PetscReal slip[], const PetscReal e[], PetscReal tension[]);
 
-/* ---- tangent stiffnesses, with the matrix that they make (structure/tangent.c); the energy along a step (structure/linesearch.c) ---- */
+/* ---- tangent stiffnesses and their matrix (structure/tangent.c); line search (structure/linesearch.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
 PETSC_INTERN PetscErrorCode LatinTangentFind_Private(LatinStructure, Mat, Vec *tangent);
 PETSC_INTERN PetscErrorCode LatinTangentCompute_Private(LatinStructure, Vec u, PetscReal floor, Mat, Vec *tangent);
@@ -188,7 +188,7 @@ PETSC_INTERN PetscErrorCode LatinTangentChanges_Private(LatinStructure, Vec u, P
 PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, Vec step, Vec more, PetscReal *length);
 PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted);
 
-/* ---- what displacements, and the tensions `rigid` of the rigid links, mean (structure/residual.c, structure/results.c) ---- */
+/* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);

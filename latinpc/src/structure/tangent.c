@@ -1,8 +1,8 @@
 #include "structure/structureimpl.h"
 
-/* Tangent stiffnesses of the links: kept with the matrix that they make, which may have no entries of its own. */
+/* Tangent stiffnesses of the links, composed on their matrix, which may be a shell. */
 
-/* Least and largest stiffness of all links that have one; most may be NULL. Collective on structure */
+/* Least and largest positive stiffness of all links; most may be NULL. Collective on structure */
 PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure structure, PetscReal *least, PetscReal *most)
 {
   PetscReal range[2] = {-PETSC_MAX_REAL, 0.0};
@@ -20,7 +20,7 @@ PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure structure, Pe
   PetscFunctionReturn(0);
 }
 
-/* The tangent stiffnesses that a matrix was made with, NULL if it is none of this structure; borrowed from the matrix */
+/* The tangent stiffnesses composed on a matrix, borrowed; NULL if there are none. Collective on structure */
 PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *tangent)
 {
   PetscInt n, m;
@@ -35,13 +35,13 @@ PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *ta
   PetscFunctionReturn(0);
 }
 
-/* Do contacts with friction add to the matrix what is not on the diagonal of the tangent stiffnesses? */
+/* Does k_t have off-diagonal entries, of contacts with friction? */
 static inline PetscBool LatinTangentRubs(const LatinStructure structure)
 {
   return (PetscBool)(structure->penalty && structure->rubs);
 }
 
-/* The tangent stiffness of each link at u, at least `floor`, and the slip of the contacts with friction that are taken for springs. Collective on structure */
+/* k: tangent stiffness of each link at u, at least `floor`; slip: of contacts with friction, see LatinFrictionTangents(). Collective on structure */
 static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[], PetscReal slip[])
 {
   const PetscBool rubs = LatinTangentRubs(structure);
@@ -53,7 +53,7 @@ static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, V
   PetscFunctionReturn(0);
 }
 
-/* The vector of a number for each link that a matrix carries by this name, made if it has none; borrowed. Collective on structure */
+/* The vector over links composed on a matrix by this name, borrowed; created if there is none. Collective on structure */
 static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J, const char name[], Vec *links)
 {
   PetscFunctionBegin;
@@ -66,8 +66,8 @@ static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J,
 }
 
 /*
-   The tangent stiffness of each link at u, at least `floor`, kept with the matrix J that they make: whoever is given J finds
-   them there, and J of another solver has its own. They are borrowed. Collective on structure
+   Computes the tangent stiffness of each link at u, at least `floor`, and composes them on the matrix J, where preconditioners
+   find them; each solver has its own J. *tangent is borrowed. Collective on structure
 */
 PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, Vec *tangent)
 {
@@ -87,7 +87,7 @@ PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionReturn(0);
 }
 
-/* These stiffnesses of the links instead, [links_local]; J has no entries. Collective on structure */
+/* Sets the tangent stiffnesses of the shell matrix J to k, [links_local]. Collective on structure */
 PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscReal k[], Mat J)
 {
   PetscScalar *a;
@@ -102,7 +102,7 @@ PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscRea
   PetscFunctionReturn(0);
 }
 
-/* y = B^t k_t B x, where contacts with friction slip with what they have beside the diagonal of k_t */
+/* y = B^t k_t B x, with the off-diagonal entries of k_t of slipping contacts */
 static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
 {
   LatinStructure   structure;
@@ -114,7 +114,7 @@ static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
   PetscCall(MatShellGetContext(A, &structure));
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinTangent", (PetscObject *)&tangent));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  PetscCall(LatinStructureElongations_Private(structure, NULL, x, tension)); /* no change where prescribed */
+  PetscCall(LatinStructureElongations_Private(structure, NULL, x, tension)); /* zero where prescribed */
   if (LatinTangentRubs(structure)) {
     PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &e));
     PetscCall(PetscArraycpy(e, tension, structure->links_local));
@@ -134,7 +134,7 @@ static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* A tangent stiffness without entries, for PC latin, which needs none; LatinTangentCompute_Private() comes before its first use. The structure outlives it. Collective on structure */
+/* Creates a tangent stiffness as a shell matrix, for PC latin, which needs no entries. Call LatinTangentCompute_Private() before its first use; it must not outlive the structure. Collective on structure */
 PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
 {
   PetscInt n;
@@ -147,7 +147,7 @@ PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
   PetscFunctionReturn(0);
 }
 
-/* How many links have another tangent stiffness at u, at least `floor`, than in the matrix J */
+/* *changes: number of links whose tangent stiffness at u, at least `floor`, differs from that in J. Collective on structure */
 PetscErrorCode LatinTangentChanges_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, PetscInt *changes)
 {
   const PetscBool  rubs = LatinTangentRubs(structure);

@@ -1,36 +1,36 @@
 #include "structure/structureimpl.h"
 
 /*
-   Dynamics of section 2.2, and how one time step becomes a problem that every solver here takes.
+   Dynamics of section 2.2: a time step as a static problem, for all solvers.
 
    With the unknown w = h v+, the implicit Euler scheme (8) of a step of length h from (u, v) reads
      M / h^2 w + B^t tau = F + M v / h,
    and the elongation of a link is e- + B w with e- = B u: (9) and (11) are the laws of statics with the initial elongation
-   e- + e0. So a time step is a static structure whose nodes stand on springs M / h^2 to the ground, with another load,
-   other initial elongations and supports at rest. It is a LatinStructure of its own, which shares the mesh and the laws with the
-   structure that it is a step of, its base.
+   e- + e0. So a time step is a static structure with springs M / h^2 between nodes and the ground, another load,
+   other initial elongations and supports at rest. It is a LatinStructure of its own, which shares the mesh and the laws with its
+   base, the structure in motion.
 
-   Rigid links follow Moreau's condition (10): one that is slack, or open, when the step starts bears nothing in it; any
-   other one must not be stretched, or closed, further: its law holds for w itself, in which supports move by what their prescribed displacements
-   have changed since the last step, so that they push and pull. Both are initial elongations again, infinite
-   and zero, so that operators stay as they are. What a solver leaves open of a closed contact must not open it: gaps
-   count from a small part of the free flight of the step on.
+   Rigid links follow Moreau's condition (10). A link that is slack, or open, at the start of the step has no tension in it. For
+   any other one the law holds for w itself: it must not be stretched, or closed, further. In w supports move by the
+   increments of their prescribed displacements, so that they push and pull. Both cases are initial elongations again, infinite
+   and zero, so that operators do not change. A closed contact must not open by the error of a solver: gaps count as closed up to
+   LATIN_STEP_CLOSED of the free flight of the step.
 */
 
-#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative: lengths of steps that differ by rounding are one length */
-#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: the gap of a link that bears nothing during a step */
-#define LATIN_STEP_CLOSED 1e-4                         /* of the free flight of a step: smaller gaps are closed; with four times as much two motions of the catalogue are refused */
+#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative difference by rounding of equal lengths of steps */
+#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: the gap of a link that is not active in a step */
+#define LATIN_STEP_CLOSED 1e-4                         /* of the free flight of a step: greatest gap of closed contacts; with four times as much two motions of the catalogue are refused */
 
 /*@C
-  LatinStructureSetMass - Gives the nodes of this rank their masses, [nodes_local], not negative, for dynamics.
+  LatinStructureSetMass - Sets the masses of the nodes of this rank, [nodes_local], >= 0, for dynamics.
 
   Collective on structure
 
   Level: beginner
 
   Note:
-  The masses are lumped (section 2.2): add half the mass of each link to both of its nodes. A node may have no mass as
-  long as links with mass hold it. One that no link reaches needs one, before `LatinStructureSetUp()`: it flies.
+  Masses are lumped (section 2.2): add half the mass of each link to each of its nodes. A node may have zero mass if
+  links to nodes with mass hold it. A free node without links needs a mass before `LatinStructureSetUp()`.
 
 .seealso: `LatinStructureAttachTS()`, `TSLATIN`
 @*/
@@ -45,14 +45,14 @@ PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal m
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCheck(sum > 0.0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
   if (structure->set_up) PetscCall(LatinStructureCheckUnlinked_Private(structure, mass));
-  if (!structure->mass) PetscCall(PetscMalloc1(structure->nodes_local + 1, &structure->mass)); /* never NULL where there are masses */
+  if (!structure->mass) PetscCall(PetscMalloc1(structure->nodes_local + 1, &structure->mass)); /* + 1: not NULL on a rank without nodes */
   PetscCall(PetscArraycpy(structure->mass, mass, structure->nodes_local));
   PetscCall(VecDestroy(&structure->inertia));
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscFunctionReturn(0);
 }
 
-/* M at the free degrees of freedom */
+/* Creates structure->inertia, M at the free degrees of freedom. Collective on structure */
 PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 {
   const PetscInt dim = structure->dim;
@@ -71,7 +71,7 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureComputeKineticEnergy - The kinetic energy 1/2 v^t M v of the nodes; v is a DM global vector of velocities.
+  LatinStructureComputeKineticEnergy - Kinetic energy 1/2 v^t M v of the nodes; v is a DM global vector of velocities.
 
   Collective on structure
 
@@ -90,8 +90,8 @@ PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec 
 /* ---- a time step as a structure ---- */
 
 /*
-   Takes what has changed in the base since the last step, laws or masses, and springs G = shift M, negative where the
-   length of the step is not known yet. Operators are made anew where they change. Collective on step
+   Updates the step after changes of laws or masses of the base, and sets the springs G = shift M; negative shift: the length of the step is
+   not known yet. Increases the state of the step if operators change. Collective on step
 */
 PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 {
@@ -107,8 +107,8 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
     step->shift      = 0.0;
     step->midpoint   = (PetscBool)(step->geometry == LATIN_GEOMETRY_LARGE);
     PetscCall(PetscFree(step->span));
-    if (step->base->span) {                                                    /* as drawn, until a step starts */
-      PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* never NULL where links turn */
+    if (step->base->span) {                                                    /* the drawn configuration, until a step starts */
+      PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* + 1: not NULL on a rank without links */
       PetscCall(PetscArraycpy(step->span, step->base->span, step->dim * step->links_local));
       PetscCall(PetscArraycpy(step->e0, step->base->e0, step->links_local));
     }
@@ -120,18 +120,17 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
   PetscFunctionReturn(0);
 }
 
-/* A motion is for links that keep their direction, or that turn far and are elastic. Collective on base */
+/* Checks that a motion is possible: linear geometry, or large displacements of elastic links. Collective on base */
 PetscErrorCode LatinStepCheck_Private(LatinStructure base)
 {
   PetscFunctionBegin;
-  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP,
-             "Motions are for links that keep their direction, or turn as far as displacements take them, and the geometry of the structure is prestress: take large, or linear, with LatinStructureSetGeometry()");
+  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions need the geometry linear or large, and the geometry of the structure is prestress: set it with LatinStructureSetGeometry()");
   PetscCheck(base->geometry == LATIN_GEOMETRY_LINEAR || base->rigid_law < 0, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions with large displacements are for elastic links, and the structure has links of the law %s: take %s",
              LatinLaws[PetscMax(0, base->rigid_law)].name, LatinLaws[PetscMax(0, base->rigid_law)].cure);
   PetscFunctionReturn(0);
 }
 
-/* Supports are where they are prescribed now: the next step starts there */
+/* Ends a step: stores the present positions of supports, from which the next one starts */
 PetscErrorCode LatinStepMade_Private(LatinStructure step)
 {
   const LatinStructure base = step->base;
@@ -142,7 +141,7 @@ PetscErrorCode LatinStepMade_Private(LatinStructure step)
   PetscFunctionReturn(0);
 }
 
-/* What has been read of supports is that of the nodes. Collective on step */
+/* Updates the vertices after positions of supports have been set at the nodes, as by a restart. Collective on step */
 PetscErrorCode LatinStepPlaced_Private(LatinStructure step)
 {
   PetscFunctionBegin;
@@ -152,7 +151,7 @@ PetscErrorCode LatinStepPlaced_Private(LatinStructure step)
   PetscFunctionReturn(0);
 }
 
-/* Supports move in a step to where they are prescribed; of a step to its middle they make half the way */
+/* Increments of prescribed displacements in the step, half of them for the midpoint rule */
 static void LatinStepSupports(LatinStructure step)
 {
   const LatinStructure base = step->base;
@@ -171,8 +170,8 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscCall(PetscHeaderCreate(step, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Time step of a structure", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
   PetscCall(PetscObjectReference((PetscObject)base));
   step->base       = base;
-  step->base_state = -1;                                     /* not yet looked at */
-  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* where solvers find the step */
+  step->base_state = -1;                                     /* never updated */
+  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* solvers find the step by it */
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(
@@ -184,7 +183,7 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscFunctionReturn(0);
 }
 
-/* The initial elongation of a link in a step that starts from the strain x = e- + e0; gaps up to `closed` are none */
+/* Initial elongation of a link in a step from the strain x = e- + e0; gaps up to `closed` count as zero */
 static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed)
 {
   if (!LatinLaws[law].rigid) return x; /* (9), (11) */
@@ -193,7 +192,7 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* The largest displacement of a node, a support or one that its links do not hold during the step. Collective on step */
+/* *flight: largest displacement of supports and of nodes without the forces of links in the step. Collective on step */
 static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
 {
   Vec                w, local;
@@ -213,7 +212,7 @@ static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *fl
   PetscFunctionReturn(0);
 }
 
-/* The initial elongations of a step from u, and where its links then are. Collective on step */
+/* Sets initial elongations and, if links rotate, spans at the start of a step from u. Collective on step */
 static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
 {
   LatinStructure base   = step->base;
@@ -232,15 +231,15 @@ static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* The step of length h from (u, v); its unknown is h v+. Where links turn it is one to the middle of the step, of half its length, whose unknown is h (v + v+) / 2. Collective on step */
+/* Starts the step of length h from (u, v), with the unknown h v+; for the midpoint rule h is half the length of the step, and the unknown h (v + v+) / 2. Collective on step */
 PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
 {
   LatinStructure base = step->base;
 
   PetscFunctionBegin;
   PetscCall(LatinStepCheck_Private(base));
-  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
-             "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
+  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE, "A time step has the length %g; it must be positive, with a finite 1 / h^2: set another one with -ts_dt",
+             (double)h);
   PetscCall(LatinStepLength_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
@@ -250,7 +249,7 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
   PetscFunctionReturn(0);
 }
 
-/* The base itself, its displacements the unknown, on springs shift M: what other integrators linearise. Collective on step */
+/* Makes the step the base itself on springs shift M, with its displacements as the unknown: the linearisation of other integrators. Collective on step */
 PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift)
 {
   LatinStructure base = step->base;

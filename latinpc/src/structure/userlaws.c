@@ -1,19 +1,19 @@
 #include "structure/structureimpl.h"
 
 /*
-   Laws beyond the built-in ones, in the same table: piecewise linear ones from points, and the user's own functions.
-   A law without a local stage of its own gets it from its tension, an increasing function of one variable.
+   Registered laws, in the same table as the built-in ones: piecewise linear laws from points, and functions of the user.
+   For a law without a local stage, Newton's method solves it from the tension, a nondecreasing function of one variable.
 */
 
-#define LATIN_LAW_STEPS 200 /* steps of Newton's method in a bracket that bisection halves: more than a number has digits */
+#define LATIN_LAW_STEPS 200 /* most steps of Newton's method with bisection: more than the bits of a number */
 
 typedef struct {
   PetscInt   n;
-  PetscReal *x, *t; /* [n] strains, and tensions over the steepest slope: lengths both */
-  PetscReal *w;     /* [n] energy from the first point on, over the same */
+  PetscReal *x, *t; /* [n] strains; tensions over the steepest slope, lengths */
+  PetscReal *w;     /* [n] energies from the first point, over the steepest slope */
 } LatinTable;
 
-/* The segment of x; the first and the last one go on beyond the points. add: of x + t, where the local stage looks */
+/* Segment of x (add = 0), or of x + t (add = 1, in the local stage); the first and the last one are unbounded */
 static PetscInt LatinTableFind(const LatinTable *table, PetscReal x, PetscReal add)
 {
   PetscInt low = 0, high = table->n - 1;
@@ -56,7 +56,7 @@ static PetscReal LatinLawEnergy_Table(PetscReal k, PetscReal x, void *ctx)
   return k * (table->w[i] + d * (table->t[i] + 0.5 * LatinTableSlope(table, i) * d));
 }
 
-/* tau_hat / k + x_hat = y / k + e0 on the segment where it holds */
+/* Solves tau_hat / k + x_hat = y / k + e0 on its segment */
 static PetscReal LatinLawLocal_Table(PetscReal k, PetscReal e0, PetscReal y, void *ctx)
 {
   const LatinTable *table = (const LatinTable *)ctx;
@@ -67,7 +67,7 @@ static PetscReal LatinLawLocal_Table(PetscReal k, PetscReal e0, PetscReal y, voi
   return y - 2.0 * k * (x - e0);
 }
 
-/* tension(x) + k x = y + k e0: the left side grows by at least k, which brackets the root */
+/* Solves tension(x) + k x = y + k e0: the slope of the left side is at least k, which brackets the root */
 static PetscReal LatinLawLocal_Any(const LatinLaw *law, PetscReal k, PetscReal e0, PetscReal y)
 {
   const PetscReal c = y + k * e0;
@@ -93,7 +93,7 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 }
 
 /*@C
-  LatinLawGetName - The name of a law, built-in or registered, not to be freed; NULL for a number that no law has.
+  LatinLawGetName - Name of a law, built-in or registered, borrowed; NULL if there is no law of this number.
 
   Not collective
 
@@ -107,7 +107,7 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 }
 
 /*@C
-  LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name is for messages.
+  LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name appears in messages.
 
   Not collective; every rank that has links of the law registers it, all ranks in the same order
 
@@ -118,8 +118,8 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 
   Notes:
   The tension must not decrease with the strain x = e + e0, and its slope must not exceed k by far: k is the ascent
-  direction of the local stage. The functions are called inside the iteration; `local` may be NULL: it is then solved
-  for by Newton's method in one variable.
+  direction of the local stage. The functions are called inside the iteration. If `local` is NULL, Newton's method
+  in one variable solves the local stage.
 
 .seealso: `LatinLawFunctions`, `LatinLawRegisterTable()`, `LatinStructureSetLaws()`
 @*/
@@ -129,14 +129,14 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
              name);
   PetscCall(LatinRegisterClasses_Private());
-  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "There is room for %d laws, the built-in ones included, and all of it is taken", LATIN_LAWS_MAX);
+  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "The table of laws is full: %d at most, with the built-in ones", LATIN_LAWS_MAX);
   LatinLaws[LatinLawCount] = (LatinLaw){.tension = functions->tension, .tangent = functions->tangent, .energy = functions->energy, .local = functions->local, .ctx = functions->ctx};
   PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
   *law = LatinLawCount++;
   PetscFunctionReturn(0);
 }
 
-/* Does a law have these points? */
+/* Is the law a table of these points? */
 static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscReal steepest)
 {
   const LatinTable *table = (const LatinTable *)law->ctx;
@@ -153,16 +153,16 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
 
   Input Parameters:
 + strain  - [n] increasing values of x = e + e0, lengths; n is at least 2
-- tension - [n] tensions there, forces, nowhere decreasing
+- tension - [n] tensions at these strains, forces, not decreasing
 
   Output Parameter:
-. law - its number. The same points a second time give the same number
+. law - its number; the same points give the same number
 
   Level: intermediate
 
   Note:
-  The first and the last segment go on beyond the points. A link of stiffness 0 has the tensions of the table; one of
-  another stiffness has them in proportion, so that this is the slope where the law is steepest.
+  The first and the last segment extend beyond the points. A link of stiffness 0 has the tensions of the table; with
+  another stiffness k they are scaled, so that the steepest slope is k.
 @*/
 PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law)
 {

@@ -1,6 +1,6 @@
 #include "structure/structureimpl.h"
 
-/* Vectors of a structure: DM global vectors hold the free displacement components, local ones those of the vertices here, caller's arrays those of the nodes given. */
+/* Vectors of a structure: DM global vectors have the free displacement components, local ones all of the vertices here, arrays of the caller all of the nodes of this rank. */
 
 PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure structure)
 {
@@ -10,7 +10,7 @@ PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Messages between ranks of which some are not there crash or never come. Not collective */
+/* Checks that solver and structure have the same ranks: else messages would crash or deadlock. Not collective */
 PetscErrorCode LatinStructureCheckComm_Private(LatinStructure structure, PetscObject solver)
 {
   const MPI_Comm comm = PetscObjectComm((PetscObject)structure), other = PetscObjectComm(solver);
@@ -25,7 +25,7 @@ PetscErrorCode LatinStructureCheckComm_Private(LatinStructure structure, PetscOb
   PetscFunctionReturn(0);
 }
 
-/* A displacement must be a vector of the structure's DM: its entries are addressed directly */
+/* Checks that u has the layout of the structure's DM, as its entries are accessed directly. Collective on structure */
 PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
 {
   PetscInt n, m, all, whole;
@@ -42,7 +42,7 @@ PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* The numbers of nodes or links, `each` of one, are finite, and not negative where they must not be. Collective on comm */
+/* Checks that numbers of nodes or links, `each` per node or link, are finite, and >= 0 unless `negative`. Collective on comm */
 PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[])
 {
   PetscInt bad = -1;
@@ -54,7 +54,7 @@ PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], Petsc
   PetscFunctionReturn(0);
 }
 
-/* Values of this rank's nodes, [nodes_local][dim], at the free degrees of freedom of a DM global vector; each node's owner in the caller's numbering has its entries */
+/* Sets the free dofs of a DM global vector from values of this rank's nodes, [nodes_local][dim], in the caller's numbering. Collective on structure */
 PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const PetscReal values[], Vec v)
 {
   PetscFunctionBegin;
@@ -65,7 +65,7 @@ PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* Displacements of the DM's vertices; `held`: those of prescribed ones, NULL for zero */
+/* local: displacements of the DM's vertices; `held`: prescribed ones, NULL for zero. Collective on structure */
 PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec local)
 {
   PetscScalar *a;
@@ -79,7 +79,7 @@ PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* Elongations B u of the links of this rank; `held`: displacements of prescribed vertices, NULL for zero. Collective on structure */
+/* Elongations B u of the links of this rank; `held`: prescribed displacements of vertices, NULL for zero. Collective on structure */
 PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal e[])
 {
   Vec                local;
@@ -96,7 +96,7 @@ PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const
   PetscFunctionReturn(0);
 }
 
-/* Their strains B u + e0. Collective on structure */
+/* Strains x = B u + e0 of the links of this rank. Collective on structure */
 PetscErrorCode LatinStructureStrains_Private(LatinStructure structure, Vec u, PetscReal x[])
 {
   PetscFunctionBegin;
@@ -105,7 +105,7 @@ PetscErrorCode LatinStructureStrains_Private(LatinStructure structure, Vec u, Pe
   PetscFunctionReturn(0);
 }
 
-/* r = B^t tension + G u - load, with the springs G to the ground; load may be NULL. Collective on structure */
+/* r = B^t tension + G u - load, with springs G to the ground; load may be NULL. Collective on structure */
 PetscErrorCode LatinStructureForces_Private(LatinStructure structure, const PetscReal tension[], Vec u, Vec load, Vec r)
 {
   Vec          local;

@@ -2,15 +2,15 @@
 #include <petsc/private/tsimpl.h>
 
 /*
-   TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, which lets velocities
-   jump. Each step is a static problem for the SNES of the TS (structure/timestep.c), with operators that stay as long as the
-   length of the step does. Links that turn take the implicit midpoint rule of structure/midpoint.h, a step of half the length to the middle of
-   the whole one. No mathematics of the method here.
+   TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, for motions with velocity
+   jumps. Each step is a static problem for the SNES of the TS (structure/timestep.c); the operators depend on the length of the step
+   alone. With large displacements the scheme is the implicit midpoint rule of structure/midpoint.h: it solves for half a step, to the midpoint. No
+   mathematics of the method here.
 */
 
-#define TS_LATIN_ERROR LatinByPrecision(1e-8, 1e-4) /* of a step in which links turn, unless another one is chosen: errors of all steps add up in the energy, which else stays */
+#define TS_LATIN_ERROR LatinByPrecision(1e-8, 1e-4) /* default error of a step with large displacements: the midpoint rule conserves energy, but for the errors of all steps, which add up */
 
-/* M a + B^t tau - F, for PETSc's own integrators of second order */
+/* Residual M a + B^t tau - F, for PETSc's own integrators of second order */
 static PetscErrorCode LatinStructureFunction_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, Vec F, void *ctx)
 {
   LatinStructure base = ((LatinStructure)ctx)->base;
@@ -46,7 +46,7 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
   PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)ts));
   PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
   if (step && step->base == structure) PetscFunctionReturn(0);
-  if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
+  if (step) PetscCall(TSReset(ts)); /* its set-up and solution belong to another structure */
   PetscCall(LatinStepCheck_Private(structure));
   PetscCall(LatinStructureInertia_Private(structure));
   PetscCall(LatinStepCreate_Private(structure, &step));
@@ -59,17 +59,18 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
 }
 
 /*@C
-  LatinStructureAttachTS - Gives a TS the motion of a structure: M a + B^t tau = F.
+  LatinStructureAttachTS - Attaches the equation of motion of a structure to a TS: M a + B^t tau = F.
 
-  Collective on ts; the TS keeps the structure alive. Another structure resets the TS
+  Collective on ts; the TS keeps a reference to the structure. Attaching another structure resets the TS
 
   Level: beginner
 
   Notes:
-  `-ts_type latin` is the scheme for shocks; `-ts_type alpha2` and PETSc's other integrators of second order are for
-  smooth motions. Give displacements and velocities with `TS2SetSolution()`, vectors from the DM of the structure. Loads
-  that change with time: call `LatinStructureSetLoads()` in a function given to `TSSetPreStep()`; and supports that move,
-  `LatinStructureSetPrescribed()` for the end of the step. With `-ts_type latin` they go there in it, and move rigid links.
+  Use `-ts_type latin` for shocks, `-ts_type alpha2` or PETSc's other integrators of second order for smooth motions. Set
+  initial displacements and velocities with `TS2SetSolution()`, vectors from the DM of the structure. For loads that change with
+  time, call `LatinStructureSetLoads()` in a function given to `TSSetPreStep()`; for moving supports, call
+  `LatinStructureSetPrescribed()` there with their positions at the end of the step. With `-ts_type latin` supports move during
+  the step, and with them rigid links.
 
 .seealso: `LatinStructureSetMass()`, `TSLATIN`
 @*/
@@ -82,7 +83,7 @@ PetscErrorCode LatinStructureAttachTS(LatinStructure structure, TS ts)
   PetscFunctionReturn(0);
 }
 
-/* The structure of a step, and the SNES that solves it, SNES latin unless somebody has chosen another type */
+/* Gets the structure of a step and the SNES that solves it, SNES latin unless another type is set */
 static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -93,11 +94,11 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
   PetscCall(SNESSetType(*snes, SNESLATIN));
   PetscCall(SNESLatinSetWarmStart(*snes, LATIN_WARM_START_EXTRAPOLATE));
-  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution, and a good start is no measure of what is far */
+  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution, and with a good initial guess a large residual is no divergence */
   PetscFunctionReturn(0);
 }
 
-/* A geometry that an option gives the solver of the steps is that of the structure; the error of a step where links turn. Collective on snes */
+/* Copies a geometry option of the SNES to the structure; sets the default error of a step with large displacements. Collective on snes */
 static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
 {
   PetscBool latin;
@@ -111,7 +112,7 @@ static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Refuses adaptors that would go on with the given step for ever, as they get no error of a step. A step that fails is shortened by any of them */
+/* Refuses adaptors that need an error estimate: without one they would repeat the given step for ever. Any adaptor shortens a failed step */
 static PetscErrorCode TSLatinAdapt_Private(TS ts)
 {
   TSAdapt   adapt;
@@ -120,7 +121,7 @@ static PetscErrorCode TSLatinAdapt_Private(TS ts)
   PetscFunctionBegin;
   PetscCall(TSGetAdapt(ts, &adapt));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)adapt, &is, TSADAPTBASIC, TSADAPTDSP, TSADAPTGLEE, ""));
-  PetscCheck(!is, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "-ts_adapt_type %s chooses steps by an estimate of their error, and TS latin makes none: leave it out, and give the length with -ts_dt; steps that fail are shortened all the same",
+  PetscCheck(!is, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "-ts_adapt_type %s needs an error estimate of steps, and TS latin has none: remove it, and set the length with -ts_dt; failed steps are shortened with any adaptor",
              ((PetscObject)adapt)->type_name);
   PetscFunctionReturn(0);
 }
@@ -136,7 +137,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
   PetscCall(TSLatinAdapt_Private(ts));
   PetscCall(TSLatinGeometry_Private(data->step, snes));
-  if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* at rest */
+  if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* initially at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
   PetscFunctionReturn(0);
@@ -145,7 +146,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
 static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
-  PetscReal part = 1.0, next = ts->time_step, h = ts->time_step; /* part of the step that is solved for */
+  PetscReal part = 1.0, next = ts->time_step, h = ts->time_step; /* part: fraction of the step that the SNES solves for */
   PetscBool accept     = PETSC_FALSE, latin;
   PetscInt  rejections = 0, linear;
   SNES      snes;
@@ -157,16 +158,16 @@ static PetscErrorCode TSStep_Latin(TS ts)
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
     if (data->step->base->geometry == LATIN_GEOMETRY_LARGE) part = 0.5;
     PetscCall(LatinStepStart_Private(data->step, part * ts->time_step, ts->vec_sol, ts->vec_dot));
-    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* that of the operators: the same but for rounding */
-    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* the guess: a velocity that stays; SNES latin has a better one, its last states */
-    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* unless links have turned since */
+    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* length in the operators, which differs by rounding */
+    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* initial guess: constant velocity; SNES latin has a better one, its last states */
+    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* no last state: links have turned since */
     PetscCall(SNESSolve(snes, NULL, data->w));
     PetscCall(SNESGetIterationNumber(snes, &data->iterations));
     PetscCall(SNESGetLinearSolveIterations(snes, &linear));
     ts->snes_its += data->iterations;
     ts->ksp_its += linear;
     PetscCall(TSPostStage(ts, ts->ptime + ts->time_step, 0, &data->w));
-    PetscCall(TSAdaptCheckStage(ts->adapt, ts, ts->ptime + ts->time_step, ts->vec_sol, &accept)); /* a solve that failed shortens the step */
+    PetscCall(TSAdaptCheckStage(ts->adapt, ts, ts->ptime + ts->time_step, ts->vec_sol, &accept)); /* shortens the step after a failed solve */
     if (accept) PetscCall(TSAdaptChoose(ts->adapt, ts, ts->time_step, NULL, &next, &accept));
     if (accept) break;
     ts->reject++;
@@ -185,7 +186,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
 LatinWatched(TSSetUp_Latin, TS)
 LatinWatched(TSStep_Latin, TS)
 
-/* The velocity is constant during a step, or taken for it */
+/* Linear interpolation in the step: constant velocity */
 static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -196,7 +197,7 @@ static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* What a step was: iterations of the SNES, energies, unilateral links that bear something */
+/* Prints energies, iterations of the SNES and the number of active unilateral links of a step */
 static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u, void *ctx)
 {
   TS_Latin        *data = (TS_Latin *)ts->data;
@@ -235,7 +236,7 @@ static PetscErrorCode TSSetFromOptions_Latin(TS ts, LatinOptionItems PetscOption
   PetscCall(PetscOptionsViewer("-ts_latin_monitor", "Monitor energies, iterations and active links of each step", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
   if (set && data->monitor) PetscCall(TSMonitorSet(ts, TSMonitor_Latin, NULL, NULL));
-  PetscCall(TSLatinFind_Private(ts, &snes)); /* before the options of the SNES are read */
+  PetscCall(TSLatinFind_Private(ts, &snes)); /* sets the default type before the options of the SNES are read */
   PetscFunctionReturn(0);
 }
 
@@ -268,7 +269,7 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "%s\n", data->step && data->step->midpoint ? "implicit midpoint rule with mean forces: energy stays" : "implicit Euler in velocities and impulses"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "%s\n", data->step && data->step->midpoint ? "implicit midpoint rule with mean forces: conserves energy" : "implicit Euler in velocities and impulses"));
   if (data->step) PetscCall(PetscObjectView((PetscObject)data->step->base, viewer));
   PetscFunctionReturn(0);
 }
@@ -287,9 +288,9 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
   Level: intermediate
 
   Note:
-  They are the tensions at the end of the step, and impulses over h where velocities jump. With large displacements those of the
-  mean force, in the middle of the step. Before the first step, those of
-  the displacements at the start, where rigid links bear nothing.
+  These are the tensions at the end of the step, or impulses over its length where velocities jump. With large displacements they are
+  those of the mean force, at the midpoint of the step. Before the first step they are those of the initial
+  displacements, with zero in rigid links.
 
 .seealso: `TSLATIN`, `LatinStructureGetTensions()`
 @*/
@@ -304,31 +305,31 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
   PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements");
   PetscCall(TSLatinFind_Private(ts, &snes));
-  PetscCheck(data->step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() before");
+  PetscCheck(data->step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() first");
   if (data->started) PetscCall(LatinSolverTensions_Private(snes, data->step, data->w, tension));
   else LatinWatch(PetscObjectComm((PetscObject)ts), LatinStructureTensions_Private(data->step->base, NULL, ts->vec_sol, tension));
   PetscFunctionReturn(0);
 }
 
 /*MC
-  TSLATIN - the implicit Euler scheme in velocities and impulses for structures of links with masses (section 2.2)
+  TSLATIN - Implicit Euler scheme in velocities and impulses for structures of links with masses (section 2.2)
 
   Options Database Keys:
-+ -ts_latin_monitor  - prints energies, iterations and active links of each step
-. -ts_dt <h>         - length of a step
-. -ts_max_steps <n>  - number of steps, all of one length but for those that fail: there is no estimate of errors for -ts_adapt_type
-- -snes_type <latin> - what solves a step; latin starts from the state of the last steps
++ -ts_latin_monitor  - print energies, iterations and active links of each step
+. -ts_dt <h>         - length of a step; constant, as there is no error estimate for -ts_adapt_type, but shorter after a failed step
+. -ts_max_steps <n>  - number of steps
+- -snes_type <latin> - solver of a step; latin extrapolates its initial state from the last steps
 
   Level: beginner
 
   Notes:
-  The structure comes from `LatinStructureAttachTS()`, displacements and velocities from `TS2SetSolution()` (at rest when
-  there are none). Of first order: the scheme damps what is faster than a step, and lets velocities jump. Nothing is
-  built or factored after the first step as long as the length of the step stays. With masses a structure need not be
-  held, and every step has a solution if all nodes have masses: SNES latin is given no divergence tolerance unless an option does.
+  Attach the structure with `LatinStructureAttachTS()`; set displacements and velocities with `TS2SetSolution()` (default: at
+  rest). The scheme is of first order: it damps vibrations faster than a step, and allows velocity jumps. Steps of the same length reuse
+  all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have
+  masses: SNES latin has no divergence tolerance unless an option sets one.
 
-  Elastic links that turn (`LATIN_GEOMETRY_LARGE`): the implicit midpoint rule with mean forces, of second order, by which
-  energy and momenta stay; each step starts from the velocity before it, whatever `SNESLatinSetWarmStart()` says, and is
+  Large displacements of elastic links (`LATIN_GEOMETRY_LARGE`): the scheme is the implicit midpoint rule with mean forces, of second
+  order, which conserves energy and momenta. Each step starts from the last velocity, whatever `SNESLatinSetWarmStart()` says, and is
   solved to an error of 1e-8 unless `SNESLatinSetError()` is called.
 
 .seealso: `LatinStructureSetMass()`, `SNESLATIN`
