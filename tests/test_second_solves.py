@@ -246,3 +246,55 @@ def test_two_solvers_share_a_structure():
         solvers[variant].solve(None, found[variant])
     assert [latinpc.statistics(snes)["weak_dofs"] for snes in solvers.values()] == [24, 0]
     assert (found["macro"] - found["none"]).norm() < 1e-6 * found["none"].norm()
+
+
+@pytest.mark.parametrize("cut", [1, 2])
+@pytest.mark.parametrize("cable", ["inextensible", "cable", "bar"])
+def test_large_displacements_from_rest_are_those_of_a_new_solver(cable, cut):
+    """Begun with operators and penalties of the last solve, it had found other equilibria, or none."""
+    nodes = [[0.0, 0.0], [4.0, 0.0], [1.0, -1.0], [2.2, -1.2], [3.0, -0.8], [2.0, 1.0]]
+    links = [[0, 2], [2, 3], [3, 4], [4, 1], [2, 5], [3, 5], [4, 5]]
+    structure = latinpc.Structure(
+        nodes, links, [cable] * 4 + ["bar"] * 3, [0.0 if cable == "inextensible" else 50.0] * 4 + [20.0] * 3,
+        fixed=np.arange(6)[:, None] < [2, 2], geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    down = np.where(structure.fixed, 0.0, [0.3, -1.0])
+
+    def end(snes, load):
+        u = structure.create_vec()
+        structure.set_load(load)
+        snes.solve(None, u)
+        return snes.getConvergedReason(), snes.getIterationNumber(), *structure.displacements(u).ravel()
+
+    with default_options({"snes_latin_subdomains": cut, "snes_latin_error": 1e-8}):
+        used, new = structure.create_snes(), structure.create_snes()
+        for snes in (used, new):
+            snes.setFromOptions()
+        truth = end(new, down)
+        assert truth[0] > 0
+        for before in (down, 3.0 * down, 0.0 * down):
+            end(used, before)
+            assert end(used, down) == truth
+        used.reset()
+        assert end(used, down) == truth
+
+
+@pytest.mark.parametrize("how", ["set_geometry", "option"])
+def test_a_geometry_that_is_refused_changes_nothing(how):
+    """The structure had kept it: later solves were refused as well, or crashed."""
+    structure = latinpc.Structure(
+        [[0, 0], [1, 0], [0.5, 1]], [[0, 2], [1, 2], [0, 2]], ["bar", "bar", "inextensible"], [1.0, 1.0, 0.0],
+        fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    for geometry in ("linear", "large", "linear"):
+        structure.set_geometry(geometry)
+        snes, u, v = structure.create_snes(), structure.create_vec(), structure.create_vec()
+        snes.solve(None, u)
+        with pytest.raises(PETSc.Error if how == "set_geometry" else latinpc.SolveError, match="Geometry prestress"):
+            if how == "option":
+                structure.solve(options={"snes_latin_geometry": "prestress"})
+            structure.set_geometry("prestress")
+        assert structure.geometry == geometry
+        snes.solve(None, v)
+        assert snes.getConvergedReason() > 0 and np.array_equal(u, v)
+        assert structure.solve().report["reason"].startswith("CONVERGED")
