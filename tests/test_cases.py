@@ -267,18 +267,6 @@ def test_equal_cases_and_cases_without_actions():
     assert nothing.converged and not nothing.tensions.any()
 
 
-def test_what_is_refused_of_a_case_names_it():
-    """The gap of an inextensible cable between supports, which the settlements of one case open."""
-    tied = latinpc.Structure(
-        [[0, 0], [1, 0], [0.5, 1]], [[0, 2], [1, 2], [0, 1]], ["bar", "bar", "inextensible"], [1.0, 1.0, 0.0],
-        fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF,
-    )  # fmt: skip
-    near, apart = (Case(name, prescribed=[[0, 0], [x, 0], [0, 0]]) for name, x in (("near", -0.1), ("apart", 0.1)))
-    assert latinpc.solve_cases(tied, [near]).converged
-    with pytest.raises(latinpc.LatinError, match=r"^case apart: Link 2 \(inextensible\) is between"):
-        latinpc.solve_cases(tied, [near, apart])
-
-
 def test_the_envelope_is_that_of_the_cases_that_have_converged():
     """Two masses on one cable: the load that lifts one off the ground has no equilibrium."""
     scene = row(fixed=(True, False, False), law="cable")

@@ -360,6 +360,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   data->has_state = (PetscBool)(snes->reason > 0);
   PetscCall(SNESLatinDiagnose_Private(snes));
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
+  if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
   PetscFunctionReturn(0);
 }
 
