@@ -324,3 +324,26 @@ def test_friction_after_loads_that_nothing_bears_is_that_of_a_new_solver():
         assert (snes.getConvergedReason() > 0) == new.converged == stands
         assert snes.getIterationNumber() == new.iterations
         assert np.array_equal(latinpc.tensions(snes), new.tensions)
+
+
+@pytest.mark.parametrize("how", ["last", "extrapolate"])
+@pytest.mark.parametrize("law", ["bar", "cable"])
+def test_a_warm_start_ends_where_loads_are_taken_away(law, how):
+    """Rounding of the last solve is more than all there is of this one, and had been taken for its error."""
+    n = 7
+    x, held = np.arange(n) + 0.1 * np.sin(np.arange(n)), np.isin(np.arange(n), [0, n - 1])
+    load = np.where(held, 0.0, 0.1 * np.cos(np.arange(n)))[:, None]
+    row = latinpc.Structure(
+        x[:, None], [[i, i + 1] for i in range(n - 1)], [law] * (n - 2) + ["bar"], 1.0 + 0.3 * np.arange(n - 1),
+        fixed=held[:, None], load=load, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    with default_options({"snes_latin_subdomains": 3, "snes_latin_warm_start": how}):
+        snes, u = row.create_snes(), row.create_vec()
+        snes.setFromOptions()
+    for part in (1.0, 0.5, 0.0, 0.0, 1.0, 0.0, 1e-9, 0.0):
+        row.set_load(part * load)
+        snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        forces = row.create_vec()
+        row.residual(u, forces)
+        assert forces.norm() <= 1e-2 * part * np.linalg.norm(load) + 1e-15
