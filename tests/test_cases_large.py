@@ -1,4 +1,4 @@
-"""Load cases with large displacements: what a case says that has not converged, and which equilibrium it finds."""
+"""Load cases with large displacements: which equilibrium they find, what one says that is refused or fails."""
 
 import numpy as np
 import pytest
@@ -102,3 +102,15 @@ def test_cables_alone_start_from_other_cases():
     assert sum(row["iterations"] for row in found.report["cases"]) < sum(result.iterations for result in alone)
     for u, result in zip(found.displacements, alone):
         assert np.linalg.norm(u - result.displacements) < 1e-5 * np.linalg.norm(result.displacements)
+
+
+def test_what_is_refused_of_a_case_names_it():
+    """The gap of an inextensible cable between supports, which the settlements of one case open."""
+    tied = latinpc.Structure(
+        [[0, 0], [1, 0], [0.5, 1]], [[0, 2], [1, 2], [0, 1]], ["bar", "bar", "inextensible"], [1.0, 1.0, 0.0],
+        fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    near, apart = (Case(name, prescribed=[[0, 0], [x, 0], [0, 0]]) for name, x in (("near", -0.1), ("apart", 0.1)))
+    assert latinpc.solve_cases(tied, [near]).converged
+    with pytest.raises(latinpc.LatinError, match=r"^case apart: Link 2 \(inextensible\) is between"):
+        latinpc.solve_cases(tied, [near, apart])

@@ -451,3 +451,37 @@ def test_ranks(ranks, mpirun):
             *([f"LatinWarning: {unread}"] if number == 0 else []),
             f"raised: {unread}",
         ]
+
+
+@pytest.mark.filterwarnings("ignore:links turn", "ignore:not converged")
+@pytest.mark.parametrize("change", ["geometry", "prescribed displacement", "initial elongation"])
+def test_a_result_is_of_the_structure_that_was_solved(change, tmp_path):
+    """What it computes when asked for it is what it would have been at once, or is refused."""
+
+    def solved():
+        structure = latinpc.Structure(
+            [[0, 0], [2, 0], [1, 1.0], [1, 2]], [[0, 2], [1, 2], [2, 3], [0, 3], [1, 3]], [0, 0, 1, 1, 0], 1.0,
+            fixed=[[1, 1], [1, 1], [0, 0], [0, 0]], load=[[0, 0], [0, 0], [0.1, -0.1], [0.05, 0]], mass=1.0,
+        )  # fmt: skip
+        return structure, structure.solve(options={"snes_max_it": 1})
+
+    def asked(result, name):
+        result.to_vtu(tmp_path / name)
+        return str(result.members), result.reactions, (tmp_path / name).read_bytes()
+
+    (_, at_once), (structure, late) = solved(), solved()
+    if change == "geometry":
+        structure.set_geometry("large")
+    elif change == "prescribed displacement":
+        structure.set_prescribed(np.where(structure.fixed, 0.3, 0.0))
+    else:
+        structure.set_initial_elongation(0.2)
+    (table, forces, file), (late_table, late_forces, late_file) = asked(at_once, "a.vtu"), asked(late, "b.vtu")
+    assert table == late_table and file == late_file and np.array_equal(forces, late_forces)
+    for ask in (late.modes, late.tangent, lambda: latinpc.modes(late)):
+        with pytest.raises(ValueError, match=f"^{change} of the structure changed after this result"):
+            ask()
+    first = at_once.modes(1).values
+    at_once.structure.set_load(2.0 * structure.load)
+    at_once.structure.set_mass(2.0)
+    assert at_once.modes(1).values == pytest.approx(first / 2.0)

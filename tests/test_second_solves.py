@@ -246,3 +246,104 @@ def test_two_solvers_share_a_structure():
         solvers[variant].solve(None, found[variant])
     assert [latinpc.statistics(snes)["weak_dofs"] for snes in solvers.values()] == [24, 0]
     assert (found["macro"] - found["none"]).norm() < 1e-6 * found["none"].norm()
+
+
+@pytest.mark.parametrize("cut", [1, 2])
+@pytest.mark.parametrize("cable", ["inextensible", "cable", "bar"])
+def test_large_displacements_from_rest_are_those_of_a_new_solver(cable, cut):
+    """Begun with operators and penalties of the last solve, it had found other equilibria, or none."""
+    nodes = [[0.0, 0.0], [4.0, 0.0], [1.0, -1.0], [2.2, -1.2], [3.0, -0.8], [2.0, 1.0]]
+    links = [[0, 2], [2, 3], [3, 4], [4, 1], [2, 5], [3, 5], [4, 5]]
+    structure = latinpc.Structure(
+        nodes, links, [cable] * 4 + ["bar"] * 3, [0.0 if cable == "inextensible" else 50.0] * 4 + [20.0] * 3,
+        fixed=np.arange(6)[:, None] < [2, 2], geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    down = np.where(structure.fixed, 0.0, [0.3, -1.0])
+
+    def end(snes, load):
+        u = structure.create_vec()
+        structure.set_load(load)
+        snes.solve(None, u)
+        return snes.getConvergedReason(), snes.getIterationNumber(), *structure.displacements(u).ravel()
+
+    with default_options({"snes_latin_subdomains": cut, "snes_latin_error": 1e-8}):
+        used, new = structure.create_snes(), structure.create_snes()
+        for snes in (used, new):
+            snes.setFromOptions()
+        truth = end(new, down)
+        assert truth[0] > 0
+        for before in (down, 3.0 * down, 0.0 * down):
+            end(used, before)
+            assert end(used, down) == truth
+        used.reset()
+        assert end(used, down) == truth
+
+
+@pytest.mark.parametrize("how", ["set_geometry", "option"])
+def test_a_geometry_that_is_refused_changes_nothing(how):
+    """The structure had kept it: later solves were refused as well, or crashed."""
+    structure = latinpc.Structure(
+        [[0, 0], [1, 0], [0.5, 1]], [[0, 2], [1, 2], [0, 2]], ["bar", "bar", "inextensible"], [1.0, 1.0, 0.0],
+        fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    for geometry in ("linear", "large", "linear"):
+        structure.set_geometry(geometry)
+        snes, u, v = structure.create_snes(), structure.create_vec(), structure.create_vec()
+        snes.solve(None, u)
+        with pytest.raises(PETSc.Error if how == "set_geometry" else latinpc.SolveError, match="Geometry prestress"):
+            if how == "option":
+                structure.solve(options={"snes_latin_geometry": "prestress"})
+            structure.set_geometry("prestress")
+        assert structure.geometry == geometry
+        snes.solve(None, v)
+        assert snes.getConvergedReason() > 0 and np.array_equal(u, v)
+        assert structure.solve().report["reason"].startswith("CONVERGED")
+
+
+@pytest.mark.filterwarnings(
+    "ignore:contacts that bear", "ignore:no equilibrium", "ignore:not converged", "ignore:links join"
+)
+def test_friction_after_loads_that_nothing_bears_is_that_of_a_new_solver():
+    """Two nodes on a floor, tied by bars: the search parameter of the collapse had led the next loads nowhere."""
+    floor, up, east, north, none = [0.0, 0.0, 0.0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 0]
+    far = [2.0, 0.6, 0.0]
+    pair = latinpc.Structure(
+        [floor, floor, far, far], [[0, 1]] * 3 + [[2, 3]] * 3 + [[3, 1], [1, 3], [1, 2], [1, 2]],
+        [*["friction", "tangent", "tangent"] * 2, "bar", "compression_only", "bar", "inextensible"],
+        [0.0] * 6 + [4.0, 0.46, 1.9, 0.0], initial_elongation=[0.0] * 9 + [-0.02],
+        direction=[up, east, north] * 2 + [none] * 4, friction=[0.54] * 3 + [0.65] * 7,
+        fixed=[[1] * 3, [0] * 3] * 2, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    snes = pair.create_snes()
+    slides = [floor, [0.54, -0.42, -0.054], floor, [-0.28, -0.27, -0.72]]
+    rests = [floor, [0.23, -0.18, -0.91], floor, [0.52, -0.11, -0.6]]
+    for load, stands in ((slides, False), (rests, True)):
+        pair.set_load(load)
+        snes.solve(None, pair.create_vec())
+        new = pair.solve()
+        assert (snes.getConvergedReason() > 0) == new.converged == stands
+        assert snes.getIterationNumber() == new.iterations
+        assert np.array_equal(latinpc.tensions(snes), new.tensions)
+
+
+@pytest.mark.parametrize("how", ["last", "extrapolate"])
+@pytest.mark.parametrize("law", ["bar", "cable"])
+def test_a_warm_start_ends_where_loads_are_taken_away(law, how):
+    """Rounding of the last solve is more than all there is of this one, and had been taken for its error."""
+    n = 7
+    x, held = np.arange(n) + 0.1 * np.sin(np.arange(n)), np.isin(np.arange(n), [0, n - 1])
+    load = np.where(held, 0.0, 0.1 * np.cos(np.arange(n)))[:, None]
+    row = latinpc.Structure(
+        x[:, None], [[i, i + 1] for i in range(n - 1)], [law] * (n - 2) + ["bar"], 1.0 + 0.3 * np.arange(n - 1),
+        fixed=held[:, None], load=load, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    with default_options({"snes_latin_subdomains": 3, "snes_latin_warm_start": how}):
+        snes, u = row.create_snes(), row.create_vec()
+        snes.setFromOptions()
+    for part in (1.0, 0.5, 0.0, 0.0, 1.0, 0.0, 1e-9, 0.0):
+        row.set_load(part * load)
+        snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        forces = row.create_vec()
+        row.residual(u, forces)
+        assert forces.norm() <= 1e-2 * part * np.linalg.norm(load) + 1e-15

@@ -30,9 +30,13 @@ def elongations(scene, displacement):
     return np.einsum("ij,ij->i", relative, scene.directions)
 
 
-def stretches(scene, displacement):
-    """Return ``|r| - l`` of links where displacements are large, else e = B U (m); parameters of `elongations`."""
-    return (changes_of_length if scene.geometry == "large" else elongations)(scene, displacement)
+def stretches(scene, displacement, geometry=None):
+    """Return ``|r| - l`` of links where displacements are large, else e = B U (m); parameters of `elongations`.
+
+    The geometry is that of the scene when not given.
+    """
+    large = (geometry or scene.geometry) == "large"
+    return (changes_of_length if large else elongations)(scene, displacement)
 
 
 def changes_of_length(scene, displacement):

@@ -211,7 +211,7 @@ def modes(
     ImportError
         Without SLEPc; the message says what to install.
     ValueError
-        Without masses, or without loads.
+        Without masses, or without loads; of a result whose structure has changed since, other than in loads and masses.
     latinpc.SolveError
         For rigid links, and for the factors of a state that is not stable.
     """
@@ -226,6 +226,8 @@ def modes(
             f"modes need the tangent stiffness, which links of the rigid law {rigid[0].name.lower()} do not have: take"
             " cable or compression_only with a large stiffness"
         )
+    if not drawn:
+        state.check_state()
     displacements = np.array(structure.prescribed) if drawn else state.displacements
     problem = _Problem(structure, displacements)
     try:

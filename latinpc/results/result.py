@@ -47,6 +47,27 @@ class Result(Reported):
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read
 
+    def __post_init__(self):
+        #: How displacements turned links, ``"linear"``, ``"prestress"`` or ``"large"``.
+        self.geometry: str = getattr(self.structure, "geometry", "linear")
+        self._acted = {name: getattr(self.structure, name) for name in ("prescribed", "initial_elongation")}
+
+    def check_state(self) -> None:
+        """Refuse where the structure is no longer what was solved: it has no tangent at these displacements.
+
+        Raises
+        ------
+        ValueError
+            Naming what has changed since, other than loads and masses.
+        """
+        now = self.structure
+        changed = ["geometry"] * (now.geometry != self.geometry)
+        changed += [name for name, was in self._acted.items() if not np.array_equal(getattr(now, name), was)]
+        if changed:
+            words = {"prescribed": "prescribed displacement", "initial_elongation": "initial elongation"}
+            named = " and ".join(words.get(name, name) for name in changed)
+            raise ValueError(f"{named} of the structure changed after this result was found: solve again")
+
     @cached_property
     def slack(self) -> np.ndarray:
         """(m,) array of bool: cables, compression-only links and contacts that carry nothing."""
@@ -65,9 +86,9 @@ class Result(Reported):
     @cached_property
     def _shape(self) -> Structure | Turned | Leaning:
         """The structure that forces balance on: as drawn, or where links turn as displaced."""
-        if self.structure.geometry == "linear":
+        if self.geometry == "linear":
             return self.structure
-        return (Turned if self.structure.geometry == "large" else Leaning)(self.structure, self.displacements)
+        return (Turned if self.geometry == "large" else Leaning)(self.structure, self.displacements)
 
     @cached_property
     def stress(self) -> np.ndarray | None:
@@ -125,6 +146,7 @@ class Result(Reported):
         from .vtk import write_vtu
 
         extra = {"reactions": self.reactions, "stress": self.stress, "utilisation": self.utilisation}
+        extra["geometry"] = self.geometry
         arrays = (self.displacements, self.tensions, self.subdomain, self.node_class)
         write_vtu(path, self.structure, *arrays, load=self.load, **extra)
 
@@ -233,6 +255,7 @@ class Result(Reported):
         """
         from .modes import tangent
 
+        self.check_state()
         return tangent(self.structure, self.displacements)
 
     def modes(

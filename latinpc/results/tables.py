@@ -28,7 +28,7 @@ def members(result: Result) -> np.ndarray:
         "end": structure.links[:, 1],
         "law": structure.laws,
         "length": structure.lengths,
-        "elongation": stretches(structure, result.displacements),
+        "elongation": stretches(structure, result.displacements, result.geometry),
         "tension": result.tensions,
         "slack": result.slack,
     }

@@ -13,7 +13,7 @@ from .mechanics import slack, stretches
 
 def write_vtu(
     path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None, *, load=None,
-    reactions=None, stress=None, utilisation=None, loose=None,
+    reactions=None, stress=None, utilisation=None, loose=None, geometry=None,
 ):  # fmt: skip
     """Write a solved structure for ParaView.
 
@@ -42,6 +42,8 @@ def write_vtu(
         Tension over area (Pa), and its size over the strength.
     loose : (m,) array of bool, optional
         Slack links of a part of a structure.
+    geometry : str, optional
+        How displacements turned links, that of the scene when not given.
     """
     import meshio  # takes as long to load as all else
 
@@ -69,7 +71,7 @@ def write_vtu(
         },
         cell_data={
             "tension": [np.asarray(tensions, dtype=float)],
-            "elongation": [stretches(scene, displacements)],
+            "elongation": [stretches(scene, displacements, geometry)],
             "slack": [(slack(scene, tensions) if loose is None else loose).astype(np.int64)],
             "law": [whole_numbers(scene.law, m)],
             "subdomain": [whole_numbers(subdomain, m)],

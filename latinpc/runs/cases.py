@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,7 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.arrays import REAL, native
+from latinpc.errors import LatinError, error_message
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
@@ -214,7 +216,7 @@ def solve_cases(
     Raises
     ------
     ValueError, LatinError
-        On every rank. A case that does not converge is no error.
+        On every rank; what is refused of a case begins with its name. A case that does not converge is no error.
 
     Notes
     -----
@@ -286,6 +288,15 @@ def _farthest(cases):
     return [f"case {cases.names[number]}: {text}" for text in turned(found) or changed(found)]
 
 
+@contextlib.contextmanager
+def _named(case):
+    """Put the name of a case before what the library refuses of it."""
+    try:
+        yield
+    except PETSc.Error as error:
+        raise LatinError(error.ierr, f"case {case.name}: {error_message(error)}", str(error)) from None
+
+
 class _Series:
     """Cases of one structure and what is known of them; methods are collective."""
 
@@ -346,13 +357,14 @@ class _Series:
                 continue
             self._say(number, case.name)
             applied = case.applied(self.scene)
-            structure.set_load(applied.load)
-            structure.set_prescribed(applied.prescribed)
-            structure.set_initial_elongation(applied.initial_elongation)
             u.set(0.0)
             if start is not None:
                 start.predict(applied, u)
-            snes.solve(None, u)
+            with _named(case):
+                structure.set_load(applied.load)
+                structure.set_prescribed(applied.prescribed)
+                structure.set_initial_elongation(applied.initial_elongation)
+                snes.solve(None, u)
             converged = snes.getConvergedReason() > 0
             if start is not None and converged:
                 start.keep(u)

@@ -277,7 +277,7 @@ def _causes(ts, snes, structure, mass):
         text += f"; links do not hold nodes {named} against the loads, and they have no mass: give them one"
     elif snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
         least = accuracy.rounding_floor(snes)
-        text += f", the requested error is below the rounding error of this step, about {least:.0e}"
+        text += f", the requested error is below the rounding error of this step, about {least:.0e}" if least else ""
     heavy = mass[mass > 0.0]
     if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
         contrast = heavy.max() / heavy.min()

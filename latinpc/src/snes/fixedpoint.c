@@ -35,6 +35,17 @@ PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
   PetscFunctionReturn(0);
 }
 
+/* Types that need more than a function, or make one step, are refused: what they would claim is none, and some end in a crash */
+static PetscErrorCode SNESLatinOuterType_Private(SNES snes, const char type[])
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscCall(PetscStrInList(type, "aspin,nasm,patch,ngs,ms,ksponly,ksptransposeonly,vinewtonrsls,vinewtonssls,latin", ',', &is));
+  PetscCheck(!is, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_outer_snes_type %s does not iterate to the fixed point of a function alone: take anderson, ngmres, qn, ncg or nrichardson", type);
+  PetscFunctionReturn(0);
+}
+
 /*
    Defaults of our own for the type that the inner SNES has, once: Anderson of depth 10, for structures with rigid laws with
    restarts, for it is slowed down there by differences from before links changed between taut and slack; and for nrichardson
@@ -56,6 +67,7 @@ static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *chang
   PetscCall(PetscStrcmp(type, data->outer_type, &same));
   *changed = (PetscBool)(!same || rigid != data->outer_rigid);
   if (!*changed) PetscFunctionReturn(0);
+  PetscCall(SNESLatinOuterType_Private(snes, type));
   PetscCall(PetscStrncpy(data->outer_type, type, sizeof(data->outer_type)));
   data->outer_rigid = rigid;
   PetscCall(PetscStrcmp(type, SNESNRICHARDSON, &is));
@@ -85,6 +97,7 @@ PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   const char *prefix;
+  char        type[64] = "";
   PetscBool   changed;
 
   PetscFunctionBegin;
@@ -94,6 +107,9 @@ PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, ((PetscObject)snes)->options));
   if (!((PetscObject)data->outer)->type_name) PetscCall(SNESSetType(data->outer, SNESANDERSON));
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
+  PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
+  PetscCall(PetscOptionsGetString(((PetscObject)data->outer)->options, prefix, "-snes_type", type, sizeof(type), NULL));
+  PetscCall(SNESLatinOuterType_Private(snes, type)); /* before PETSc makes it: aspin is none without a DM */
   PetscCall(SNESSetFromOptions(data->outer));
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
   if (changed) PetscCall(SNESSetFromOptions(data->outer));

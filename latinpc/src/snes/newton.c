@@ -374,6 +374,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
 {
   SNESLineSearch search;
   const char    *prefix;
+  char           type[64] = SNESNEWTONLS;
   KSP            ksp;
   PC             pc;
   Mat            A;
@@ -404,6 +405,10 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(PCSetType(pc, PCLATIN));
   if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
   else PetscCall(PCLatinShare_Private(pc, latin));
+  PetscCall(SNESGetOptionsPrefix(newton->snes, &prefix));
+  PetscCall(PetscOptionsGetString(((PetscObject)snes)->options, prefix, "-snes_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrInList(type, "newtonls,newtontr,newtontrdc", ',', &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_newton_snes_type %s is not Newton's method: take newtonls, newtontr or newtontrdc", type);
   PetscCall(SNESSetFromOptions(newton->snes));
   PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
   if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));

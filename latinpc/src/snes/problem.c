@@ -2,6 +2,28 @@
 
 /* What a solve of SNES latin works on: the structure or its parts, operators, state, loads and reference; and the iteration with them */
 
+/*
+   A solve from rest begins as on a new object: with the parts and the penalties of the first. From those at the end of the last solve another
+   path may lead to another equilibrium, or to none. So it may with the search parameter of a solve that has failed. Collective on snes
+*/
+static PetscErrorCode SNESLatinAfresh_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscReal   size  = 1.0;
+
+  PetscFunctionBegin;
+  if (!(large->frame ? large->renewals && !large->frame->turns->base : data->latin->tuning != 1.0 && !data->has_state) || (data->warm && data->has_state)) PetscFunctionReturn(0);
+  if (snes->vec_sol) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
+  if (size > 0.0) PetscFunctionReturn(0);
+  if (large->frame) { /* operators keep their pattern */
+    PetscCall(LatinFramePenalty_Private(large->frame));
+    PetscCall(LatinFrameRenew_Private(large->frame, NULL, LATIN_FRAME_DRAWN));
+    large->renewals = 0;
+  } else PetscCall(LatinParameterTune_Private(data->latin, 1.0 / data->latin->tuning));
+  PetscFunctionReturn(0);
+}
+
 /* What the iteration works on: the structure itself, or the parts of its links where they turn. Collective on snes */
 PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, LatinStructure *problem)
 {
@@ -14,10 +36,13 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
   *problem = structure;
   if (!structure->span) {
     PetscCall(LatinStructureDestroy(&large->frame));
+    PetscCall(SNESLatinAfresh_Private(snes));
     PetscFunctionReturn(0);
   }
-  if (large->frame) PetscCall(LatinFrameFollow_Private(large->frame));
-  else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
+  if (large->frame) {
+    PetscCall(LatinFrameFollow_Private(large->frame));
+    PetscCall(SNESLatinAfresh_Private(snes));
+  } else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
   if (large->frame->spring && !(data->warm && data->has_state)) PetscCall(LatinFrameSprings_Private(large->frame, PETSC_TRUE));
   *problem = large->frame;
   PetscFunctionReturn(0);

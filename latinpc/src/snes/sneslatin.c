@@ -351,6 +351,12 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   PetscCall(SNESLatinRun_Private(snes));
+  if (data->next == LATIN_NEXT_ROUNDING && data->warm && data->has_state && !data->large.frame) { /* that of the last solve, which may be larger: from rest */
+    data->has_state = PETSC_FALSE;
+    PetscCall(VecZeroEntries(snes->vec_sol));
+    PetscCall(SNESLatinPrepare_Private(snes));
+    PetscCall(SNESLatinRun_Private(snes));
+  }
   if (latin->linear.failed) data->next = LATIN_NEXT_FAILED;
   snes->linear_its = data->newton.stages;
   snes->iter       = latin->linear.applications + snes->linear_its;
@@ -360,6 +366,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   data->has_state = (PetscBool)(snes->reason > 0);
   PetscCall(SNESLatinDiagnose_Private(snes));
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
+  if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
   PetscFunctionReturn(0);
 }
 

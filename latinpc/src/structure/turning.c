@@ -349,14 +349,23 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
 @*/
 PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry geometry)
 {
+  LatinGeometry  before;
+  PetscErrorCode refused;
+
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCheck(geometry >= LATIN_GEOMETRY_LINEAR && geometry <= LATIN_GEOMETRY_LARGE, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE,
              "There is no geometry %d: take LATIN_GEOMETRY_LINEAR, LATIN_GEOMETRY_PRESTRESS or LATIN_GEOMETRY_LARGE", (int)geometry);
   if (geometry == structure->geometry) PetscFunctionReturn(0);
+  before              = structure->geometry;
   structure->geometry = geometry;
+  refused             = structure->set_up ? LatinTurningSetUp_Private(structure) : 0;
+  if (refused) { /* the structure stays as it was, for its solvers do not ask again */
+    structure->geometry = before;
+    PetscCall(LatinTurningSetUp_Private(structure));
+  }
+  PetscCall(refused);
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
-  if (structure->set_up) PetscCall(LatinTurningSetUp_Private(structure));
   PetscFunctionReturn(0);
 }
 
