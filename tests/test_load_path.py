@@ -250,3 +250,21 @@ def test_a_drawing_that_is_unstable_ends_with_that_cause():
     assert result.report["iterations"] < 6000
     assert any(notice.startswith("the structure as drawn is unstable") for notice in result.notices)
     assert "part of the loads" not in dict(summary(result))["load factor"]
+
+
+@pytest.mark.parametrize("wind", [2e-3, 2e-2])
+def test_a_mast_whose_slack_guys_have_nodes_of_their_own(wind):
+    """These rest anywhere: the path had ended at a hundredth of the loads."""
+    nodes, links = [[0.0, 0.0, 0.0], [0.0, 0.0, 10.0]], [[0, 1]]
+    for angle in 2.0 * np.pi / 3.0 * np.arange(3):
+        foot = np.array([6.0 * np.cos(angle), 6.0 * np.sin(angle), 0.0])
+        links += [[len(nodes), len(nodes) + 1], [len(nodes) + 1, 1]]
+        nodes += [foot, (foot + nodes[1]) / 2.0]
+    nodes, fixed, load = np.array(nodes), np.zeros((8, 3), bool), np.zeros((8, 3))
+    length = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
+    fixed[::2], load[1] = True, [wind, 0.0, -0.01]
+    mast = latinpc.Structure(nodes, links, ["bar"] + ["cable"] * 6, 1.0 / length, fixed=fixed, load=load,
+                             initial_elongation=[0.0, *1e-3 * length[1:]], geometry="large")  # fmt: skip
+    found = mast.solve(error=1e-6)
+    assert found.converged and found.balance.force < 1e-6
+    assert np.count_nonzero(found.tensions <= 0.0) >= 2

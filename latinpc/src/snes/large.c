@@ -54,7 +54,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
-  large->parts = large->unstable = large->crept = large->stateless = large->iterated = PETSC_FALSE;
+  large->unstable = large->crept = large->stateless = large->iterated = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;

@@ -31,6 +31,7 @@
 #define LATIN_LARGE_SLOPE   0.5  /* of the energy at the end of a step, relative to that at its start; 0.1 once it is searched for */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
 #define LATIN_LARGE_SEARCH  20   /* trial lengths */
+#define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM, of the largest stiffness: a stiffness that is less is what rounding makes of none */
 
 /* The norm of the residual r that the linear solver has: by default sqrt(r^t K^-1 r) with K the operators of the iteration. Collective on newton */
 static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *norm)
@@ -439,11 +440,11 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscFunctionReturn(0);
 }
 
-/* The displacements `step` by a load, by the tangent stiffness at u, and their l2 norm: without bound where that is not positive definite. Collective on snes */
+/* The displacements `step` by a load, by the tangent stiffness at u, and their l2 norm: without bound where that is not positive definite, as of a mechanism. Collective on snes */
 PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec step, PetscReal *moved)
 {
   KSPConvergedReason reason;
-  PetscReal          rtol;
+  PetscReal          rtol, force, least, most;
   KSP                ksp;
 
   PetscFunctionBegin;
@@ -454,7 +455,9 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
   PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(VecNorm(step, NORM_2, moved));
-  if ((reason < 0 && reason != KSP_DIVERGED_ITS) || PetscIsInfOrNanReal(*moved)) *moved = PETSC_MAX_REAL;
+  PetscCall(VecNorm(load, NORM_2, &force));
+  PetscCall(LatinStructureStiffnessRange_Private(((SNES_Latin *)snes->data)->large.frame->turns, &least, &most));
+  if ((reason < 0 && reason != KSP_DIVERGED_ITS) || PetscIsInfOrNanReal(*moved) || LATIN_LARGE_FIRM * LATIN_MECHANISM * most * *moved > force) *moved = PETSC_MAX_REAL;
   PetscFunctionReturn(0);
 }
 

@@ -65,3 +65,28 @@ PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec 
   PetscCall(DMRestoreGlobalVector(structure->dm, &off));
   PetscFunctionReturn(0);
 }
+
+/* No forces f on nodes that displacements leave without any, as `left` by the tangent stiffness: only slack links hold them. Collective on structure */
+PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
+{
+  const PetscInt dim = structure->dim;
+  PetscScalar   *a;
+  Vec            local;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, left, local));
+  PetscCall(VecGetArray(local, &a));
+  for (PetscInt i = 0; i < structure->vertices; i++) {
+    PetscScalar held = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++)
+      if (a[dim * i + c] != 0.0) held = 1.0;
+    for (PetscInt c = 0; c < dim; c++) a[dim * i + c] = held;
+  }
+  PetscCall(VecRestoreArray(local, &a));
+  PetscCall(DMLocalToGlobal(structure->dm, local, INSERT_VALUES, left));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(VecPointwiseMult(f, f, left));
+  PetscFunctionReturn(0);
+}

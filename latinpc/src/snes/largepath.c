@@ -1,13 +1,12 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   The equilibrium to which loads that grow from zero lead, and prescribed displacements with them (snes/largesupports.c), where there may be others. Of cables alone the energy is convex in the
-   displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
-   may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment of the loads and at its end:
-   along a smooth path, and where a cable slackens on the way, they lie between the two, no further from the middle than these do, or aside by a part of it. Next to a limit point the
-   end says nothing, and they are at most twice those at the start. That of each node counts, and its direction: a truss that snaps through moves a large
-   net but little, and in a bridge a node between slack cables went the other way. Where one has
-   moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
+   The equilibrium to which loads and prescribed displacements (snes/largesupports.c) lead as they grow from zero, where there may be others. Of cables
+   alone the energy is convex, and there is no other. A link that bears compression may snap through; then a solve for the whole loads
+   may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment and at its end. Along a
+   smooth path, and where a cable slackens on the way, they lie between the two, or aside by a part of their distance. Next to a limit point the end says
+   nothing, and they are at most twice those at the start. Each node counts, and its direction: a truss that snaps through moves a large net but little. The
+   increment is halved where a node has moved further, where no equilibrium is found, or one whose tangent stiffness is not positive definite.
    Increments that become small show a limit point, or a critical load. An equilibrium that was found from afar is compared
    again from closer by, so that no load is solved for twice, unless it is still further than any path leads: then it is on another one.
 
@@ -28,11 +27,10 @@
 #define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 #define LATIN_PATH_LEAST     1e-4 /* increments of the loads: smaller ones show a limit point */
-#define LATIN_PATH_STAGES    60   /* most linear stages of one: at a limit point it takes any number */
-#define LATIN_PATH_FIRST     2000 /* the same of the whole loads, where no stable equilibrium is without loads, */
-#define LATIN_PATH_PARTS     250  /* and of each smaller part of them there: what is found takes fewer as a rule */
-#define LATIN_PATH_TANGENTS  4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
+#define LATIN_PATH_PART      0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
 #define LATIN_PATH_DRAWN     1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_LEFT      0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
+#define LATIN_PATH_ASKED     3    /* and solves for what is left show that it does not */
 #define LATIN_PATH_TARGETS   16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE      1e-9 /* of the size of the structure: displacements that are none */
 
@@ -49,39 +47,6 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
   PetscFunctionReturn(0);
 }
 
-/*
-   A solve from the displacements u. From an equilibrium, `near`, Newton's method takes a few steps, and bars in compression, which
-   the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration.
-   Collective on snes
-*/
-PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   done = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinLoad_Private(snes));
-  PetscCall(VecCopy(u, snes->vec_sol));
-  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
-  data->guess           = PETSC_TRUE;
-  data->has_state       = PETSC_FALSE;
-  data->first_distance  = -1.0;
-  data->current         = -1;
-  data->large.stateless = PETSC_TRUE;
-  data->large.inside    = PETSC_FALSE;
-  if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
-    data->next = LATIN_NEXT_LINE_SEARCH;
-    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
-    data->large.inside = (PetscBool)!done;
-    if (!done) PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
-  } else {
-    data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : data->large.parts ? LATIN_PATH_PARTS : LATIN_PATH_FIRST);
-    PetscCall(SNESLatinLargeIterate_Private(snes));
-    if (LatinNextConverged(data->next)) PetscCall(SNESLatinResidual_Private(snes));
-  }
-  PetscFunctionReturn(0);
-}
-
 /* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL; it is too far to be sought */
 typedef struct {
   PetscReal part;
@@ -89,13 +54,13 @@ typedef struct {
   PetscBool passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method; forces that are none of the loads hold where it starts */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method */
 typedef struct {
   Vec             first, whole, u, ahead, back, more, step;
   PetscReal       far; /* l2 norm of ahead */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
-  PetscBool       kinks, held;
+  PetscBool       kinks;
 } LatinPath;
 
 /* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
@@ -106,8 +71,7 @@ static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, Pe
   PetscFunctionBegin;
   PetscCall(VecWAXPY(path->more, -1.0, data->large.frame->load, path->first));
   PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
-  snes->vec_rhs     = path->more;
-  data->large.parts = (PetscBool)(part < 1.0);
+  snes->vec_rhs = path->more;
   PetscCall(SNESLatinSupportsAt_Private(snes, part));
   PetscFunctionReturn(0);
 }
@@ -122,19 +86,35 @@ static PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Ve
   PetscFunctionReturn(0);
 }
 
-/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself. Overwrites path->step. Collective on snes */
+/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself; nodes that only slack links hold rest anywhere, unless there are no others. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
-  PetscReal            moved;
-  Vec                  other;
+  PetscReal            moved = 0.0, force, left = PETSC_MAX_REAL;
+  KSP                  ksp;
+  Mat                  K;
+  PetscInt             n;
+  Vec                  other, forces;
 
   PetscFunctionBegin;
   PetscCall(LatinPathForces_Private(path->step));
   PetscCall(DMGetGlobalVector(structure->dm, &other));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
+  PetscCall(DMGetGlobalVector(structure->dm, &forces));
+  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(KSPGetOperators(ksp, &K, NULL));
+  PetscCall(MatMult(K, path->step, other));
+  PetscCall(LatinPathLoose_Private(structure, other, path->step));
+  PetscCall(VecNorm(path->step, NORM_2, &force));
+  for (PetscInt k = 0; k < LATIN_PATH_ASKED && moved < PETSC_MAX_REAL && left > LATIN_PATH_LEFT * force; k++) {
+    PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
+    PetscCall(MatMult(K, other, forces));
+    PetscCall(VecAXPY(path->step, -1.0, forces));
+    PetscCall(VecNorm(path->step, NORM_2, &left));
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(DMRestoreGlobalVector(structure->dm, &other));
-  *stable = (PetscBool)(moved < PETSC_MAX_REAL);
+  PetscCall(VecGetSize(u, &n));
+  *stable = (PetscBool)(!n || (force > 0.0 && moved < PETSC_MAX_REAL && left <= LATIN_PATH_LEFT * force));
   PetscFunctionReturn(0);
 }
 
@@ -161,9 +141,31 @@ static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const Lat
   PetscFunctionReturn(0);
 }
 
+/* Down the energy from path->u, for this part of the loads, to a stable equilibrium there, if *starts. Collective on snes */
+static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, PetscReal part, PetscBool *starts)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathLoad_Private(snes, path, part));
+  PetscCall(VecCopy(path->whole, path->step));
+  PetscCall(VecScale(path->step, part));
+  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, path->u, starts));
+  if (*starts) {
+    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
+    *starts = LatinNextConverged(data->next);
+    PetscCall(VecCopy(snes->vec_sol, path->u));
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* far from where operators were made rounding would hide soft modes */
+  }
+  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
+  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
+  else PetscCall(VecZeroEntries(path->u));
+  PetscFunctionReturn(0);
+}
+
 /*
-   Is there a stable equilibrium u without loads, that a path may start from: the drawn configuration, or where its tensions move it? Where these are
-   not found to lead anywhere, forces that hold it as drawn are taken away while the loads grow. Collective on snes
+   Finds a stable equilibrium u from which a path may start: without loads the drawn configuration, or where its tensions move it, or down the energy from
+   there; else, as of a mechanism that the loads alone hold, down the energy under all loads or a part of them, with supports as given. Collective on snes
 */
 static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
@@ -177,16 +179,16 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
   PetscCall(VecNorm(path->whole, NORM_2, &loads));
   *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
   if (!*starts) {
-    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
-    *starts = LatinNextConverged(data->next);
+    PetscCall(SNESLatinLargeProof_Private(snes, path->u, starts));
+    *starts = (PetscBool)(*starts && LatinNextConverged(data->next));
     if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
   if (*starts) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(path->u));
-  PetscCall(LatinPathHeld_Private(snes, path, starts));
-  path->held = *starts;
-  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
+  PetscCall(LatinPathDescend_Private(snes, path, 0.0, starts));
+  if (!*starts) PetscCall(SNESLatinSupportsFrom_Private(snes, data->large.frame->turns->prescribed));
+  for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
   PetscFunctionReturn(0);
 }
 
@@ -260,13 +262,13 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
   PetscFunctionReturn(0);
 }
 
-/* The nearest target from u, an equilibrium if `near`: *found. Collective on snes */
-static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target, Vec u, PetscBool near, PetscBool *found)
+/* The nearest target from u: *found. Collective on snes */
+static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target, Vec u, PetscBool *found)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, near));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
   *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
   if (!*found) PetscCall(VecDestroy(&target->u));
   else {
@@ -293,10 +295,9 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 }
 
 /*
-   An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration, to the nearest target: the path goes on from there where *smaller
-   is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
+   An increment from the equilibrium path->u to the nearest target: the path goes on from there where *smaller is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
 */
-static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, PetscBool from, PetscReal *smaller)
+static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, PetscReal *smaller)
 {
   LatinLarge      *large  = &((SNES_Latin *)snes->data)->large;
   LatinPathTarget *target = &path->target[path->targets - 1];
@@ -307,29 +308,29 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
 
   PetscFunctionBegin;
   *smaller = 0.5;
-  if (from && path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
+  if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(LatinPathLoad_Private(snes, path, target->part));
   *smaller = 1.0;
   if (known) {
     PetscCall(VecCopy(target->u, snes->vec_sol));
-    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &lies, &other));
+    PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &lies, &other));
     if (*smaller < 1.0) PetscFunctionReturn(0);
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   } else {
-    if (from) PetscCall(LatinPathFar_Private(snes, path));
+    PetscCall(LatinPathFar_Private(snes, path));
     if (target->passed) {
       *smaller = 0.5;
       PetscFunctionReturn(0);
     }
-    if (from) PetscCall(LatinPathGuess_Private(snes, path, &guess));
-    PetscCall(LatinPathSolve_Private(snes, target, guess, from, &found));
+    PetscCall(LatinPathGuess_Private(snes, path, &guess));
+    PetscCall(LatinPathSolve_Private(snes, target, guess, &found));
     large->between[0] = large->between[1] = NULL;
-    if (from && large->inside) path->kinks = PETSC_TRUE;
+    if (large->inside) path->kinks = PETSC_TRUE;
   }
   *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
-  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &lies, &other));
+  PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &lies, &other));
   PetscCall(VecDestroy(&target->rate));
   if (lies && back < PETSC_MAX_REAL) {
     PetscCall(VecDuplicate(path->back, &target->rate));
@@ -338,7 +339,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   if (other && known) PetscCall(VecDestroy(&target->u)); /* on another path, from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
   PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
-  if (found && known) PetscCall(LatinPathSolve_Private(snes, target, target->u, PETSC_TRUE, &found));
+  if (found && known) PetscCall(LatinPathSolve_Private(snes, target, target->u, &found));
   *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
   PetscCall(VecCopy(target->u, path->u));
@@ -379,7 +380,7 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* The path, from u; `from`: an equilibrium. Collective on snes */
+/* The path, from u; `from`: a stable equilibrium. Collective on snes */
 static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -389,13 +390,13 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscFunctionBegin;
   if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
   LatinPathCloser(path, 1.0);
-  while (path->targets && data->latin->linear.applications < snes->max_its) {
+  while (from && path->targets && data->latin->linear.applications < snes->max_its) {
     while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->reached;
 
     if (more < LATIN_PATH_LEAST) break;
-    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), &smaller));
+    PetscCall(LatinPathIncrement_Private(snes, path, &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);
     else {
@@ -440,7 +441,7 @@ static PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBo
   PetscFunctionReturn(0);
 }
 
-/* The part of the loads that the displacements bear: those of the path so far, along its last ones; none while forces hold them that are none of the loads. Supports have moved so far or further. Collective on snes */
+/* The part of the loads that the displacements bear: those of the path so far, along its last ones. Supports have moved so far or further. Collective on snes */
 static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, PetscReal *reached)
 {
   PetscScalar both, whole;
@@ -450,8 +451,7 @@ static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, P
   PetscCall(SNESLatinSupportsEnd_Private(snes, *reached, &moved));
   PetscCall(VecDot(path->first, path->whole, &both));
   PetscCall(VecDot(path->whole, path->whole, &whole));
-  if (path->held && *reached < 1.0) *reached = 0.0;
-  else if (PetscRealPart(whole) > 0.0) *reached = PetscMin(*reached + (1.0 - *reached) * PetscRealPart(both / whole), moved);
+  if (PetscRealPart(whole) > 0.0) *reached = PetscMin(*reached + (1.0 - *reached) * PetscRealPart(both / whole), moved);
   else if (moved < PETSC_MAX_REAL) *reached = moved;
   PetscFunctionReturn(0);
 }

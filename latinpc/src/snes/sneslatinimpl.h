@@ -134,7 +134,6 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   PetscReal cost;          /* linear stages that take as long as a set-up */
-  PetscBool parts;         /* a part of the loads is sought on a path */
   PetscBool inside;        /* the last solve of a path has gone to the interior-point method */
   PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
   PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
@@ -289,13 +288,18 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt
 PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool near, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
+/* from displacements that are given (snes/largefrom.c) */
+#define LATIN_PATH_TANGENTS 4 /* times that Newton's method gets operators of the tangent stiffness in one increment */
+PETSC_INTERN PetscErrorCode SNESLatinLargeProof_Private(SNES, Vec u, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
 /* how far nodes move (snes/largenodes.c) */
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
+PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec f);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
+PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, Vec u, PetscBool *rests); /* snes/largedescent.c */
 /* supports that move (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
 PETSC_INTERN PetscErrorCode SNESLatinSupportsAt_Private(SNES, PetscReal part);

@@ -234,6 +234,7 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
 
     LatinTurnedLink(structure, NULL, l, a, &link);
     if (!law->rigid) sum += law->energy(structure->stiffness[l], link.x, law->ctx);
+    else if (structure->penalty) sum += 0.5 * PetscSqr(link.tension) / structure->penalty[l];
     for (PetscInt c = 0; c < dim; c++) {
       along += link.n[c] * link.d[c];
       whole += PetscSqr(link.d[c]);

@@ -1,0 +1,225 @@
+#include "snes/sneslatinimpl.h"
+#include <petsctao.h>
+
+/*
+   Down the potential energy, to a stable state: Newton's method in a trust region (PETSc's TAO), by conjugate gradients that go on along
+   negative curvature to its edge [T. Steihaug 1983]. A path starts there where the drawing is no stable state. What goes on down, further and further from
+   the drawing, has none.
+
+   The unknowns are displacements over the size of the structure, each weighed with the root of the stiffness of the links at its node: neither units nor
+   rotations nor subdomains change where it leads. There is no other preconditioner, whose subdomains would shape the trust region.
+
+   Loads that are small beside the stiffness lead through a valley as narrow as they are small, in which any step is short. Heavier ones lead to the same
+   place but for what they stretch: they come first then, and fall.
+*/
+
+#define LATIN_DESCENT_RADIUS  0.1                           /* of the size of the structure: the first step */
+#define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* of the stiffness times the size: forces that are left; Newton's method goes on from there */
+#define LATIN_DESCENT_RTOL    1e-3                          /* of a linear solve */
+#define LATIN_DESCENT_SOON    30                            /* steps in which the loads themselves lead somewhere, or too slowly; with 200 rotations and units change which state towers find */
+#define LATIN_DESCENT_STEPS   200                           /* most steps under heavier loads, and as these fall */
+#define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
+#define LATIN_DESCENT_LIGHTER 10.0                          /* times as light as the ones before: the next loads */
+#define LATIN_DESCENT_FAR     1e3                           /* of the size of the structure: displacements that lead nowhere */
+
+typedef struct {
+  LatinStructure structure;
+  Vec            load, weight; /* the loads; what an unknown is as displacement: the size times the root of the mean stiffness over that at the node */
+  Vec            u, more;      /* work vectors */
+  PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
+  PetscReal      times;        /* the loads act */
+  PetscInt       most;         /* steps */
+} LatinDescent;
+
+/* Weights of the displacements of each node, the mean stiffness, the size. Collective on descent->structure */
+static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
+{
+  const LatinStructure structure = descent->structure;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            prescribed, mean;
+  PetscScalar         *v, sum;
+  PetscInt             n;
+  Vec                  local;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecZeroEntries(local));
+  PetscCall(VecGetArray(local, &v));
+  for (PetscInt i = 0; i < 2 * dim * structure->links_local; i++) {
+    const PetscInt l = i / (2 * dim);
+
+    v[dim * structure->ends[i / dim] + i % dim] += LatinLaws[structure->law[l]].rigid ? structure->penalty[l] : structure->stiffness[l];
+  }
+  PetscCall(VecRestoreArray(local, &v));
+  PetscCall(VecZeroEntries(descent->weight));
+  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, descent->weight));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(VecSum(descent->weight, &sum));
+  PetscCall(VecGetSize(descent->weight, &n));
+  PetscCall(LatinStructureSize_Private(structure, &descent->size, &prescribed));
+  mean           = PetscRealPart(sum) / (PetscReal)n;
+  descent->force = mean * descent->size;
+  PetscCall(VecShift(descent->weight, PETSC_MACHINE_EPSILON * mean)); /* nodes without links */
+  PetscCall(VecPow(descent->weight, -0.5));
+  PetscCall(VecScale(descent->weight, descent->size * PetscSqrtReal(mean)));
+  PetscFunctionReturn(0);
+}
+
+/* The energy over the mean stiffness times the square of the size, and its gradient */
+static PetscErrorCode LatinDescentEnergy_Private(Tao tao, Vec x, PetscReal *energy, Vec gradient, void *ctx)
+{
+  const LatinDescent *descent   = (LatinDescent *)ctx;
+  LatinStructure      structure = descent->structure;
+  PetscScalar         work;
+
+  PetscFunctionBegin;
+  (void)tao;
+  PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+  PetscCall(VecWAXPY(descent->more, -descent->times, descent->load, structure->load));
+  PetscCall(LatinTurningEnergy_Private(structure, descent->u, energy));
+  PetscCall(VecDot(descent->more, descent->u, &work));
+  *energy = (*energy + PetscRealPart(work)) / (descent->force * descent->size);
+  PetscCall(LatinTurningResidual_Private(structure, NULL, descent->u, gradient));
+  PetscCall(VecAXPY(gradient, 1.0, descent->more));
+  PetscCall(VecPointwiseMult(gradient, gradient, descent->weight));
+  PetscCall(VecScale(gradient, 1.0 / (descent->force * descent->size)));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinDescentTangent_Private(Tao tao, Vec x, Mat A, Mat P, void *ctx)
+{
+  const LatinDescent *descent = (LatinDescent *)ctx;
+
+  PetscFunctionBegin;
+  (void)tao;
+  (void)P;
+  PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+  PetscCall(LatinTurningMatCompute_Private(descent->structure, descent->u, A));
+  PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY)); /* without the weights of the last step */
+  PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatDiagonalScale(A, descent->weight, descent->weight));
+  PetscCall(MatScale(A, 1.0 / (descent->force * descent->size)));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
+{
+  const LatinDescent *descent = (LatinDescent *)ctx;
+  PetscReal           left, radius, far;
+  PetscInt            it;
+  Vec                 x;
+
+  PetscFunctionBegin;
+  PetscCall(TaoGetSolutionStatus(tao, &it, NULL, &left, NULL, &radius, NULL));
+  PetscCall(TaoGetSolution(tao, &x));
+  PetscCall(VecNorm(x, NORM_2, &far));
+  if (left <= LATIN_DESCENT_BALANCE) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  else if (far > LATIN_DESCENT_FAR) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
+  else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
+  else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
+  else PetscCall(TaoSetConvergedReason(tao, TAO_CONTINUE_ITERATING));
+  PetscFunctionReturn(0);
+}
+
+/* What of TAO options alone set: the first radius is the one given, and energies are compared down to their rounding. Collective on tao */
+static PetscErrorCode LatinDescentOptions_Private(Tao tao, SNES snes)
+{
+  PetscOptions defaults;
+
+  PetscFunctionBegin;
+  PetscCall(PetscOptionsCreate(&defaults));
+  PetscCall(PetscOptionsSetValue(defaults, "-tao_ntr_init_type", "constant"));
+  PetscCall(PetscOptionsSetValue(defaults, "-tao_ntr_epsilon", "1e-13"));
+  PetscCall(PetscObjectSetOptions((PetscObject)tao, defaults));
+  PetscCall(TaoSetFromOptions(tao));
+  PetscCall(PetscObjectSetOptions((PetscObject)tao, ((PetscObject)snes)->options));
+  PetscCall(PetscOptionsDestroy(&defaults));
+  PetscFunctionReturn(0);
+}
+
+/* TAO and what it needs. Collective on snes */
+static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
+{
+  KSP ksp;
+  PC  pc;
+  Mat A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurningMatCreate_Private(descent->structure, &A));
+  PetscCall(TaoCreate(PetscObjectComm((PetscObject)snes), tao));
+  PetscCall(TaoSetType(*tao, TAONTR));
+  PetscCall(TaoSetSolution(*tao, x));
+  PetscCall(TaoSetObjectiveAndGradient(*tao, NULL, LatinDescentEnergy_Private, descent));
+  PetscCall(TaoSetHessian(*tao, A, A, LatinDescentTangent_Private, descent));
+  PetscCall(MatDestroy(&A));
+  PetscCall(TaoSetConvergenceTest(*tao, LatinDescentConverged_Private, descent));
+  PetscCall(TaoSetInitialTrustRegionRadius(*tao, LATIN_DESCENT_RADIUS));
+  PetscCall(LatinDescentOptions_Private(*tao, snes));
+  PetscCall(TaoGetKSP(*tao, &ksp));
+  PetscCall(KSPSetType(ksp, KSPSTCG));
+  PetscCall(KSPSetTolerances(ksp, LATIN_DESCENT_RTOL, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCNONE));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Down the energy from x. Where the loads themselves take too long the heaviest ones are tried, and lighter ones where these lead away; from what is found
+   they fall. *reason: of the last descent. Collective on snes
+*/
+static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
+{
+  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE;
+  PetscInt  steps;
+  Vec       start;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(x, &start));
+  PetscCall(VecCopy(x, start));
+  descent->times = 1.0;
+  descent->most  = LATIN_DESCENT_SOON;
+  while (!done) {
+    PetscCall(TaoSolve(tao));
+    PetscCall(TaoGetConvergedReason(tao, reason));
+    PetscCall(TaoGetIterationNumber(tao, &steps));
+    PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
+    done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS : descent->times == 1.0 || (falls && *reason < 0));
+    if (*reason > 0) falls = PETSC_TRUE;
+    else PetscCall(VecCopy(start, x));
+    descent->times = PetscMax(1.0, first ? heaviest : descent->times / LATIN_DESCENT_LIGHTER);
+    descent->most  = LATIN_DESCENT_STEPS;
+    first          = PETSC_FALSE;
+  }
+  PetscCall(VecDestroy(&start));
+  PetscFunctionReturn(0);
+}
+
+/* From u down to a state in balance under the load, if *rests; else u stays. Collective on snes */
+PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec u, PetscBool *rests)
+{
+  LatinDescent       descent = {.structure = ((SNES_Latin *)snes->data)->large.frame->turns, .load = load};
+  PetscReal          loads;
+  TaoConvergedReason reason;
+  Tao                tao;
+  Vec                x;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(u, &x));
+  PetscCall(VecDuplicate(u, &descent.weight));
+  PetscCall(VecDuplicate(u, &descent.more));
+  PetscCall(VecDuplicate(u, &descent.u));
+  PetscCall(LatinDescentWeights_Private(&descent));
+  PetscCall(VecPointwiseMult(x, load, descent.weight));
+  PetscCall(VecNorm(x, NORM_2, &loads));
+  PetscCall(VecPointwiseDivide(x, u, descent.weight));
+  PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
+  PetscCall(LatinDescentRun_Private(snes, tao, &descent, loads > 0.0 ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
+  PetscCall(VecPointwiseMult(u, descent.weight, x));
+  *rests = (PetscBool)(reason > 0);
+  PetscCall(TaoDestroy(&tao));
+  PetscCall(VecDestroy(&x));
+  PetscCall(VecDestroy(&descent.u));
+  PetscCall(VecDestroy(&descent.more));
+  PetscCall(VecDestroy(&descent.weight));
+  PetscFunctionReturn(0);
+}
