@@ -180,7 +180,7 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive and finite, for example 1e-2, not %g",
+  PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the largest unbalance relative to the loads, positive and finite, for example 1e-2, not %g",
              (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
   PetscFunctionReturn(0);
@@ -210,8 +210,8 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
-             "-snes_latin_largest_unbalance is the force without balance that a node may be left with, for example 1 (N), or 0 for any, not %g", (double)force);
+  PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_largest_unbalance is the largest unbalanced force on a node, for example 1 (N), or 0 for any, not %g",
+             (double)force);
   ((SNES_Latin *)snes->data)->unbalance = force;
   PetscFunctionReturn(0);
 }

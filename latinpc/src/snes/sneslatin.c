@@ -96,7 +96,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
   if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
   data->next = LATIN_NEXT_ROUNDING;
-  PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.value));
+  PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
 }
 
@@ -118,7 +118,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
-  if (shown) PetscCall(PetscInfo(snes, "Newton's method ends where the unbalance shows an error of %g at least\n", (double)data->found.error)); /* a stagnant line search, or a linear solve that has missed a soft mode */
+  if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a stagnant line search, or a linear solve that has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next) && SNESLatinHides(snes)) data->next = LATIN_NEXT_ROUNDING;
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
@@ -226,7 +226,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = LATIN_NEXT_ROUNDING; /* convergence is unproven: Newton's method has failed */
-  PetscCall(PetscInfo(snes, "Newton's method has not confirmed that the iteration converges\n"));
+  PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
   PetscFunctionReturn(0);
 }
 

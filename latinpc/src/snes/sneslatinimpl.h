@@ -113,10 +113,10 @@ PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, 
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
-/* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
-#define LATIN_LARGE_HOLD   0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
-#define LATIN_LARGE_HELD   0.03 /* the same where laws go on as straight lines; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
-#define LATIN_LARGE_SAFETY 4.0  /* on the error that is left */
+/* ---- large displacements: frame and course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
+#define LATIN_LARGE_HOLD   0.3  /* stiffness of slack cables, relative to the mean tension over length, per relative step; with 0.1 and 1 masts take more stages */
+#define LATIN_LARGE_HELD   0.03 /* the same with linearised laws; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
+#define LATIN_LARGE_SAFETY 4.0  /* safety factor on the error after a step */
 /* Moving supports along a load path (snes/largesupports.c) */
 typedef struct {
   PetscBool  moves;                       /* supports move; else the members below are unset */
@@ -125,43 +125,43 @@ typedef struct {
   PetscReal *vertex_given, *vertex_moved; /* [vertices][dim] the same */
 } LatinSupports;
 typedef struct {
-  LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
-  PetscBool      given;    /* a geometry, by an option */
-  LatinGeometry  geometry; /* this one */
+  LatinStructure frame;    /* replaces the structure in the iteration (structure/frame.c); NULL: geometry linear */
+  PetscBool      given;    /* a geometry is given by an option */
+  LatinGeometry  geometry; /* that geometry */
   /* of this solve */
-  PetscInt  renewals;      /* operators made at other displacements */
-  PetscInt  seen, window;  /* linear stages since the last look at their progress; from one look to the next */
+  PetscInt  renewals;      /* rebuilds of the operators at other displacements */
+  PetscInt  seen, window;  /* linear stages in this window; stages of a window */
   PetscReal least, before; /* least measure of this window and of the last one */
-  PetscReal near;          /* estimated error from which on Newton's method is tried */
-  PetscReal cost;          /* linear stages that take as long as a set-up */
-  PetscBool parts;         /* a part of the loads is sought on a path */
-  PetscBool inside;        /* the last solve of a path has gone to the interior-point method */
-  PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
-  PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
+  PetscReal near;          /* estimated error below which Newton's method is tried */
+  PetscReal cost;          /* cost of a set-up, in linear stages */
+  PetscBool parts;         /* the loads are applied in parts, along a path */
+  PetscBool inside;        /* the last solve of a path has used the interior-point method */
+  PetscBool stateless;     /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
+  PetscBool crept;         /* Newton's method has failed: it is tried again only near the solution */
   /* of Newton's method */
-  Vec        between[2];    /* equilibria between which it starts, NULL: strains are then between theirs, for those of a guess are wrong by what links have turned */
-  PetscReal  part;          /* of the way to the second one */
-  PetscReal *start;         /* [2][links_local of the structure] tensions and strains where it starts, or NULL: those of the displacements, or between */
-  PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
-  PetscReal  error;         /* estimated, after a step */
-  PetscReal  force;         /* norm of the residual of the laws there */
-  PetscReal  first_step[2]; /* of a run, relative to the displacements, and the change of the tensions by it */
-  PetscReal  shown[2];      /* the same from where the iteration was */
-  PetscReal  first;         /* norm of the residual at the start of a linear solve */
-  PetscInt   limit;         /* most iterations of one */
-  PetscInt   proofs;        /* linear stages that have shown the error of a step */
+  Vec        between[2];    /* two equilibria, NULL: none; initial strains are interpolated between theirs, since those of an interpolated guess are wrong by the rotations */
+  PetscReal  part;          /* interpolation parameter between them: 0 the first, 1 the second */
+  PetscReal *start;         /* [2][links_local of the structure] initial tensions and strains, or NULL: of the displacements, or interpolated */
+  PetscReal *ahead;         /* [2][links_local of the structure] tensions ahead of the displacements, from linearised strains, and these strains; NULL in time steps */
+  PetscReal  error;         /* estimated error after a step */
+  PetscReal  force;         /* residual norm of the laws there */
+  PetscReal  first_step[2]; /* first step of a run: length relative to the displacements, relative change of the tensions */
+  PetscReal  shown[2];      /* the same of the run from the last iterate of the iteration */
+  PetscReal  first;         /* initial residual norm of a linear solve */
+  PetscInt   limit;         /* most iterations of a linear solve */
+  PetscInt   proofs;        /* linear stages spent on residual norms that prove the error of a step */
   PetscReal  stretch;       /* relative change of the tensions by a step */
-  PetscReal  balance;       /* norm of the residual to stop at with that error */
+  PetscReal  balance;       /* largest residual norm with that error */
   PetscReal  size, tension; /* of the structure; norm of its tensions at the start */
   PetscInt   last;          /* number of the last linear stage for these loads */
-  PetscReal  reached;       /* part of the loads that the displacements bear */
-  Vec        solution;      /* at the end of the last path: displacements, */
-  PetscReal *held;          /* and [nodes_local][dim] prescribed ones */
-  PetscInt   most;          /* linear iterations that it may take */
-  PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step, */
-  PetscInt   softer;        /* and those that this has taken stiffness from */
-  PetscBool  iterated;      /* it starts where the iteration has ended */
-  PetscBool  slow;          /* they were too few */
+  PetscReal  reached;       /* part of the loads of which the displacements are the equilibrium */
+  Vec        solution;      /* end of the last path: displacements, */
+  PetscReal *held;          /* and prescribed ones, [nodes_local][dim] */
+  PetscInt   most;          /* most linear iterations */
+  PetscInt   changed;       /* after its last step: links whose stiffness differs from that of the operators, */
+  PetscInt   softer;        /* and links that this step has softened */
+  PetscBool  iterated;      /* it starts from the last iterate of the iteration */
+  PetscBool  slow;          /* the last run has reached its iteration limit */
   PetscBool  unstable;      /* the tangent stiffness is not positive definite */
 
   LatinSupports supports;
