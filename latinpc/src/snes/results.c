@@ -256,8 +256,8 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s%s\n", LatinStopTypes[data->stop], data->asked == LATIN_STOP_AUTO ? ", chosen by auto" : ""));
   if (SNESLatinEstimates(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "estimated error below %g in the %s norm\n", (double)data->target, data->estimate.energy ? "energy" : "l2"));
-  if (data->latin->sub.structure && SNESLatinBalances(snes)) PetscCall(PetscViewerASCIIPrintf(viewer, "forces without balance below %g of the loads\n", (double)data->balance));
-  if (data->unbalance > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "force without balance on a node below %g\n", (double)data->unbalance));
+  if (data->latin->sub.structure && SNESLatinBalances(snes)) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced forces below %g of the loads\n", (double)data->balance));
+  if (data->unbalance > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced force on a node below %g\n", (double)data->unbalance));
   PetscCall(PetscViewerASCIIPrintf(viewer, "warm start: %s\n", LatinWarmStarts[data->warm]));
   PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
   if (data->done)
