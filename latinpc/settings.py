@@ -186,20 +186,20 @@ def set_tension_error(snes: PETSc.SNES, error: float) -> None:
 
 
 def set_balance(snes: PETSc.SNES, balance: float) -> None:
-    """Set the forces without balance at which a solve may end, as ``-snes_latin_balance``; logically collective.
+    """Set the largest unbalanced forces at convergence, as ``-snes_latin_balance``; logically collective.
 
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
         Of type latin.
     balance : float
-        Relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive; 1e30: any.
+        Relative to the loads, l2 norms; without loads relative to the tensions at the nodes. Positive; 1e30: any.
     """
     _latin.set_balance(snes, balance)
 
 
 def set_largest_unbalance(snes: PETSc.SNES, force: float) -> None:
-    """Set the force that no node may be left with, as ``-snes_latin_largest_unbalance``; logically collective.
+    """Set the largest unbalanced force on a node, as ``-snes_latin_largest_unbalance``; logically collective.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def set_largest_unbalance(snes: PETSc.SNES, force: float) -> None:
 
 
 def set_warm_start(snes: PETSc.SNES, warm: str) -> None:
-    """Set where a solve starts, as ``-snes_latin_warm_start``; logically collective.
+    """Set the initial state of a solve, as ``-snes_latin_warm_start``; logically collective.
 
     Parameters
     ----------

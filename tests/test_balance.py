@@ -90,7 +90,7 @@ def test_what_auto_stands_for(scene, options, stop, tmp_path):
     shown = (tmp_path / "view").read_text()
     chosen = "" if {"stop", "error"} & set(options) else ", chosen by auto"
     assert f"stop on the {stop}{chosen}\n" in shown
-    assert ("forces without balance below 0.01 of the loads" in shown) == ("stol" not in options or "error" in options)
+    assert ("unbalanced forces below 0.01 of the loads" in shown) == ("stol" not in options or "error" in options)
 
 
 def test_a_rigid_link_between_supports_must_admit_them():

@@ -1,12 +1,12 @@
 #include "snes/sneslatinimpl.h"
 #include "cases/latincases.h"
 
-/* Many load cases at once (cases/cases.c), to what this SNES would solve each of them to */
+/* Many load cases at once (cases/cases.c), to the accuracy of SNESSolve() */
 
-#define LATIN_CASE_TIGHT  LatinByPrecision(1e-9, 1e-4) /* of the loads: forces that a case of a small structure may leave without balance; next to collapse they show a soft mode */
-#define LATIN_CASE_STAGES 100                          /* of a case: more, and Newton's method with operators of its own takes fewer */
+#define LATIN_CASE_TIGHT  LatinByPrecision(1e-9, 1e-4) /* largest unbalance of a case of a small structure, relative to the loads: next to collapse it shows a soft mode */
+#define LATIN_CASE_STAGES 100                          /* most solves of a case: Newton's method with a preconditioner of the tangent stiffness then takes fewer */
 
-/* Is the structure such that its cases can be solved side by side, and does nothing that was asked of this SNES need its own iteration? */
+/* Do structure and options allow cases side by side? Options of the iteration, such as monitors, do not */
 static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure structure, PetscBool *suit)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -25,30 +25,29 @@ static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure struc
 /*@C
   SNESLatinSolveCases - Solves load cases of a structure on one rank side by side, with one factor and one sweep over the links for all of them.
 
-  Not collective: the SNES and its structure are of one rank; on several, each solves cases of its own on a structure of its own
+  Not collective: SNES and structure have one rank; several ranks each solve their own cases of their own structure
 
   Input Parameters:
 + snes       - of type latin, with its structure, options set
 . n          - number of cases
-. load       - of each case, forces [nodes][dim] beside those of the structure (N), NULL: none
-. prescribed - displacements [nodes][dim] of fixed directions beside its own (m), NULL: none
+. load       - of each case, forces [nodes][dim] in addition to those of the structure (N), NULL: none
+. prescribed - displacements [nodes][dim] of fixed directions in addition to those of the structure (m), NULL: none
 - e0         - changes of the initial elongations [links] (m), NULL: none
 
   Output Parameters:
 + displacement - of each case, room for [nodes][dim] (m)
 . tension      - room for [links] (N)
-- stages       - solves with the factor that each case has taken; negative: it is not solved, and `SNESSolve()` is to be called with its actions
+- stages       - number of solves with the factor for each case; negative: not solved, call `SNESSolve()` with its actions
 
   Level: intermediate
 
   Notes:
-  The result of a case is known to what `SNESSolve()` asks for: the estimated errors of displacements and tensions and the forces
-  without balance. It does not depend on the other cases.
+  The result of a case has the accuracy of `SNESSolve()`: estimated errors of displacements and tensions, unbalance. It does not
+  depend on the other cases.
 
-  No case is solved on several ranks, with links other than bars, cables and compression-only ones, with large displacements or
-  prestress in the geometry, with stiffnesses that differ by more than a million, or where a monitor, a convergence
-  test, a reference, a warm start, another stop than `LATIN_STOP_ERROR`, or `LATIN_NEWTON_NEVER` was given, or by a PETSc
-  without CHOLMOD.
+  Not supported (no case is solved): several ranks; links other than bars, cables and compression-only ones; large displacements or
+  prestress in the geometry; stiffnesses that differ by more than a million; a monitor, a convergence test, a reference, a warm
+  start, another stop than `LATIN_STOP_ERROR`, or `LATIN_NEWTON_NEVER`; a PETSc without CHOLMOD.
 
 .seealso: `SNESLatinSetError()`, `SNESLatinSetTensionError()`, `SNESLatinSetBalance()`
 @*/
@@ -72,7 +71,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   PetscCall(LatinStructureSize_Private(structure, &size, &held));
   goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(snes->max_its, LATIN_CASE_STAGES)};
   PetscCall(LatinNewtonOwn_Private(structure, &small));
-  if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* what does not get there is left to Newton's method, whose operators show the mode */
+  if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */
   PetscCall(PetscMalloc1(n, &one));
   for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load[i], .prescribed = prescribed[i], .e0 = e0[i], .displacement = displacement[i], .tension = tension[i]};
   PetscCall(LatinCasesSolve_Private(structure, &goal, n, one));

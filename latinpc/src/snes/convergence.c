@@ -1,18 +1,18 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   What follows a linear stage of SNES latin: the measure that the stop is on, monitors and the user's own convergence test,
-   and the decision what happens next.
+   After each linear stage of SNES latin: the measure of the stop, monitors, the user's convergence test, and the decision what
+   happens next.
 */
 
-#define LATIN_STEP_ERROR  10.0 /* times the indicator to stop at: an error that forces without balance show, or gaps */
-#define LATIN_PROOF_EARLY 4.0  /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
+#define LATIN_STEP_ERROR  10.0 /* error that the unbalance or missed gaps may show, relative to the stop on the indicator */
+#define LATIN_PROOF_EARLY 4.0  /* estimated error, relative to the one asked for, at which Newton's method takes over. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
 
-/* The reason of PETSc for the end of a solve; SNES_CONVERGED_ITERATING where it goes on, and where another one has given it */
+/* PETSc's reason for the end of a solve; SNES_CONVERGED_ITERATING if it continues, or if snes->reason is set already (LATIN_NEXT_GIVEN) */
 SNESConvergedReason SNESLatinReason(LatinNext next)
 {
   static const SNESConvergedReason reason[LATIN_NEXT_GIVEN + 1] = {
-    [LATIN_NEXT_CONVERGED]           = SNES_CONVERGED_SNORM_RELATIVE, /* the indicator is the relative length of the step that the next iteration would make */
+    [LATIN_NEXT_CONVERGED]           = SNES_CONVERGED_SNORM_RELATIVE, /* the indicator is the relative length of the next step */
     [LATIN_NEXT_CONVERGED_FNORM]     = SNES_CONVERGED_FNORM_RELATIVE,
     [LATIN_NEXT_CONVERGED_FNORM_ABS] = SNES_CONVERGED_FNORM_ABS,
     [LATIN_NEXT_ROUNDING]            = SNES_DIVERGED_INNER, /* the inner solvers are not accurate enough for more */
@@ -26,19 +26,19 @@ SNESConvergedReason SNESLatinReason(LatinNext next)
   return reason[next];
 }
 
-/* Has the user a convergence test? It decides in the place of the stop */
+/* Has the user set a convergence test? It replaces the stop */
 static PetscBool SNESLatinUserTest(SNES snes)
 {
   return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
 }
 
-/* Does anything of the user's ask for the solution and the norm of the function during the iteration? */
+/* Do monitors, history, test or update need the solution and the norm of the function during the iteration? */
 static PetscBool SNESLatinWatched(SNES snes)
 {
   return (PetscBool)(SNESLatinUserTest(snes) || snes->numbermonitors || snes->conv_hist || snes->ops->update);
 }
 
-/* Monitors, history, the user's test and update get the solution and the norm of the function; without them neither is computed. Collective on snes */
+/* Runs monitors, history and the user's test on the solution and the norm of the function; without them neither is computed. Collective on snes */
 PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 {
   SNES_Latin         *data   = (SNES_Latin *)snes->data;
@@ -67,8 +67,8 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 }
 
 /*
-   Before the first stage: the unbalance that others are relative to, where a monitor or a test needs it; the stop takes the
-   loads where they are less, for an unbalance that is small beside prestress says nothing of small loads. Collective on snes
+   Before the first stage: computes the initial unbalance if a monitor or a test needs it. The stop on the residual is relative to
+   that or to the loads, whichever is less: an unbalance small relative to the prestress may be large relative to the loads. Collective on snes
 */
 PetscErrorCode SNESLatinFirst_Private(SNES snes)
 {
@@ -95,7 +95,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Prints the indicator, and residual or errors where they are computed */
+/* Prints the indicator, and residual or errors if computed */
 PetscErrorCode SNESLatinMonitor_Private(SNES snes)
 {
   SNES_Latin *data   = (SNES_Latin *)snes->data;
@@ -117,7 +117,7 @@ PetscErrorCode SNESLatinMonitor_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* What the stop is on, and the value to reach. A small estimated error is compared with the forces without balance. Collective on snes */
+/* The measure of the stop and its target. Once the estimated error is below the target, the unbalance corrects it. Collective on snes */
 static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, PetscReal *target)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -144,7 +144,7 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
   PetscFunctionReturn(0);
 }
 
-/* Is what the stop is on reached, or nothing left that could change? */
+/* Is the target reached, or is all change rounding? */
 static LatinNext SNESLatinReached(SNES snes, PetscReal measure, PetscReal target)
 {
   const SNES_Latin *data     = (SNES_Latin *)snes->data;
@@ -158,8 +158,8 @@ static LatinNext SNESLatinReached(SNES snes, PetscReal measure, PetscReal target
 }
 
 /*
-   Does Newton's method finish the solve? Its step is the error where convergence is to be claimed, of which an estimate is
-   no proof, or where rounding ends the iteration before what was asked for is reached.
+   Does Newton's method finish the solve? Its step measures the error: it proves convergence, which an estimate does not, and
+   continues if rounding ends the iteration before the target.
 */
 static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, PetscReal target, LatinNext next)
 {
@@ -168,22 +168,22 @@ static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, Pe
   return (PetscBool)(next == LATIN_NEXT_CONVERGED && data->stop != LATIN_STOP_REFERENCE && measure > target);
 }
 
-/* Does Newton's method take over: no progress, a divergence, or a convergence that proves nothing? */
+/* Does Newton's method take over: on a stall, on divergence, or if convergence is unproven? */
 static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, PetscReal target, LatinNext next)
 {
   if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
   if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
-  if (LatinNextConverged(next) && data->found.still && data->found.balanced) return PETSC_FALSE;                           /* no step of Newton's method is small beside what does not move, and forces are the proof */
-  if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE; /* multipliers leave less of the gaps; in statics coordinates hide them */
-  return data->newton.contrast;                                                                                            /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
+  if (LatinNextConverged(next) && data->found.still && data->found.balanced) return PETSC_FALSE;                           /* nothing moves, so that no step is relatively small: balance is the proof */
+  if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE; /* multipliers meet gaps more accurately; not in statics, where the coordinates round gaps */
+  return data->newton.contrast;                                                                                            /* rounding limits Newton's method as well, unless the contrast of stiffnesses causes it */
 }
 
 /*
-   A claim needs balance: forces without balance that are small beside stiffnesses, not beside loads, go with displacements
-   anywhere between slack links, and with wrong tensions; and rigid links must not miss their gaps, of which a residual says nothing.
-   Displacements larger than the structure are a solution if forces balance. Collective on snes
+   Convergence needs balance: an unbalance that is small relative to stiffnesses, but not to loads, allows arbitrary displacements
+   between slack links, and wrong tensions. It needs closed gaps at rigid links as well, which the residual does not contain.
+   Displacements larger than the structure are a solution only if forces balance. Collective on snes
 */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
@@ -200,7 +200,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !balances && !step && !gaps && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
+  if (!far && !balances && !step && !gaps && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
@@ -211,7 +211,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-/* Does the distance of the stages grow beyond -snes_divergence_tolerance? A single leap is one of the acceleration, whose next stages lead back: unless Newton's method takes over, it ends nothing */
+/* Does the distance of the stages exceed -snes_divergence_tolerance? A single excess is a jump of the Anderson acceleration, which the next stages correct: two in a row are a divergence, or one if Newton's method can take over */
 static PetscBool SNESLatinGrows(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
@@ -221,7 +221,7 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
-/* Where Newton's method has found no equilibrium a collapse ends the iteration, which would follow it for all of its stages. Collective on snes */
+/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Collective on snes */
 static PetscErrorCode SNESLatinFalls_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data   = (SNES_Latin *)snes->data;
@@ -243,7 +243,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
   else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
-  if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
+  if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
   if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinFalls_Private(snes, next));
@@ -256,7 +256,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   PetscFunctionReturn(0);
 }
 
-/* Has this linear stage been tested already, whatever the acceleration makes of it? The first one shows what is far */
+/* Has this linear stage been tested already? The acceleration may test a stage twice. The first stage sets the distance that divergence is relative to. Not collective */
 PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
@@ -268,12 +268,12 @@ PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
   data->tested = linear->applications;
   if (data->first_distance < 0.0) {
     data->first_distance = linear->distance;
-    if (data->guess && linear->indicator > 0.0) data->first_distance = PetscMax(linear->distance, linear->distance / linear->indicator); /* a good guess is no measure of what is far: the energy norm is */
+    if (data->guess && linear->indicator > 0.0) data->first_distance = PetscMax(linear->distance, linear->distance / linear->indicator); /* a good guess makes the first distance small: use the energy norm of the state */
   }
   PetscFunctionReturn(0);
 }
 
-/* The convergence test of the inner SNES: once for each linear stage, whatever the acceleration makes of it */
+/* The convergence test of the inner SNES, once a linear stage */
 PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   SNES        snes = (SNES)ctx;
@@ -294,6 +294,6 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
     PetscFunctionReturn(0);
   }
   *reason = SNESLatinReason(data->next);
-  if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
+  if (!*reason) *reason = SNES_CONVERGED_ITS; /* stops the inner SNES; data->next has the reason */
   PetscFunctionReturn(0);
 }

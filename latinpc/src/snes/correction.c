@@ -1,18 +1,17 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   How far displacements are from the solution, by one correction of conjugate gradients on their tangent stiffness K: with w
-   the answer of the preconditioner to the forces r that are without balance, it is (w.r / w.K w) w. The residual alone
-   hides a soft mode, which the preconditioner takes for as stiff as with all links taut: but once the linear solve has done
-   away with the others, r is mostly this mode, and so is w. Next to collapse the taut links are nearly a mechanism, and
-   nothing resists what is left.
+   A posteriori error of displacements and tensions: the length of one step of preconditioned steepest descent with the tangent stiffness
+   K, (w.r / w.K w) w, where r is the residual and w the preconditioned residual. The residual alone hides a soft mode, whose
+   stiffness the preconditioner overestimates: it has all links taut. But after a linear solve has removed the other modes, r is mostly
+   this mode, and so is w. Next to collapse the taut links are nearly a mechanism: w.K w is nearly zero and the step large.
 */
 
-#define LATIN_CORRECTION_SAFETY 3.0 /* on the error that one correction shows: of tensions it is 0.3 to 1 times the true one on scenes of all kinds */
+#define LATIN_CORRECTION_SAFETY 3.0 /* safety factor: one correction shows 0.3 to 1 times the true error of the tensions on scenes of all kinds */
 
-/* The sums over links and springs to the ground that a correction is measured by */
+/* Sums over links and springs to the ground */
 typedef struct {
-  PetscReal work, tension, all, energy; /* w.K w; squares of the tensions that w makes, and of all tensions; k e^2 of all strains */
+  PetscReal work, tension, all, energy; /* w.K w; squares of the tensions of w, of all tensions; sum of k e^2 */
 } LatinCorrectionSums;
 
 /* Collective on structure */
@@ -25,7 +24,7 @@ static PetscErrorCode LatinCorrectionSums_Private(LatinStructure structure, Vec 
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &d));
   PetscCall(LatinStructureStrains_Private(structure, u, x));
-  PetscCall(LatinStructureElongations_Private(structure, NULL, w, d)); /* no change where prescribed */
+  PetscCall(LatinStructureElongations_Private(structure, NULL, w, d)); /* w is zero at prescribed displacements */
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal k = LatinStructureTangent(structure, l, x[l]);
 
@@ -42,7 +41,7 @@ static PetscErrorCode LatinCorrectionSums_Private(LatinStructure structure, Vec 
   PetscFunctionReturn(0);
 }
 
-/* The correction relative to displacements u, in the norm of the stop, and to their tensions; r: what they leave without balance. Collective on newton->snes */
+/* The correction of displacements relative to u, in the norm of the stop, and of tensions relative to all tensions; r: residual at u. Collective on newton->snes */
 PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *newton, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
 {
   LatinCorrectionSums sum;
@@ -66,7 +65,7 @@ PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *newton, Vec u, Vec r, 
   part      = LATIN_CORRECTION_SAFETY * (sum.work > 0.0 ? PetscAbsScalar(pushed) / sum.work : length > 0.0 ? INFINITY : 0.0);
   *error    = newton->energy ? PetscSqrtReal(LatinRatio(sum.work, sum.energy)) : LatinRatio(length, size);
   *tensions = sum.all > 0.0 ? part * PetscSqrtReal(sum.tension / sum.all) : 0.0;
-  if (*error > 0.0) *error *= part; /* not zero times what is without end */
-  PetscCall(PetscInfo(newton->snes, "A correction would change displacements by %g and tensions by %g\n", (double)*error, (double)*tensions));
+  if (*error > 0.0) *error *= part; /* avoids 0 * infinity */
+  PetscCall(PetscInfo(newton->snes, "A posteriori error: displacements %g, tensions %g\n", (double)*error, (double)*tensions));
   PetscFunctionReturn(0);
 }

@@ -1,12 +1,12 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Grains: structures of contacts with friction, and other rigid links, alone. No stiffness leads Newton's method anywhere. But where all
-   gaps are closed as drawn, forces in the cones of the contacts that bear the loads are a solution: nothing moves, so that no
-   contact slips. And where there are none everything falls (structure/frictioncones.c).
+   Grains: structures of rigid links alone, with friction. They have no tangent stiffness for Newton's method. But if all gaps are closed as
+   drawn, statically admissible tensions inside the friction cones are a solution: nothing moves, so that no contact slips. Without
+   such tensions the structure collapses (structure/frictioncones.c).
 */
 
-/* Have contacts with friction let go? The displacements are larger than the structure, and forces do not balance. Collective on snes */
+/* Has a structure with friction collapsed? Displacements are larger than the structure, and forces do not balance. Collective on snes */
 PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -22,7 +22,7 @@ PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
   PetscFunctionReturn(0);
 }
 
-/* Are all gaps closed as drawn, with supports where they are prescribed? Collective on structure */
+/* Are all gaps closed at zero displacements, with prescribed supports? Collective on structure */
 static PetscErrorCode LatinGrainsClosed_Private(LatinStructure structure, PetscBool *closed)
 {
   PetscReal *x;
@@ -41,11 +41,11 @@ static PetscErrorCode LatinGrainsClosed_Private(LatinStructure structure, PetscB
   PetscFunctionReturn(0);
 }
 
-/* Are tensions in Coulomb's cones, but for this part of the largest? In space the edges of LatinConesCreate_Private() are not. Collective on structure */
+/* Are tensions inside the friction cones, to `part` times the largest tension? In space the edges of the polyhedral cones of LatinConesCreate_Private() are outside. Collective on structure */
 static PetscErrorCode LatinGrainsHold_Private(LatinStructure structure, PetscReal part, const PetscReal tension[], PetscBool *hold)
 {
   const PetscInt dim    = structure->dim;
-  PetscReal      sum[2] = {0.0, 0.0}; /* the largest tension, and the most that one is outside of its cone */
+  PetscReal      sum[2] = {0.0, 0.0}; /* largest tension; largest distance from a friction cone */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -61,7 +61,7 @@ static PetscErrorCode LatinGrainsHold_Private(LatinStructure structure, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Tensions that bear the loads where nothing moves are the solution if they leave no more than the errors asked for. Collective on snes */
+/* Tensions that balance the loads at zero displacements are the solution if the unbalance is below the errors asked for. Collective on snes */
 static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bears[], LatinNext *next)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -76,13 +76,14 @@ static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bea
     *next                   = LATIN_NEXT_CONVERGED;
     data->estimate.value    = 0.0;
     data->estimate.tensions = data->residual / loads;
-  } else data->current = -1; /* the mean displacements again */
+  } else data->current = -1; /* recompute the mean displacements */
   PetscFunctionReturn(0);
 }
 
 /*
-   Once a solve of a structure with friction: where it has failed, or grains have moved farther than the structure is large; or where their iteration stalls
-   and all gaps are closed. *next becomes an end where there is no equilibrium, or one where nothing moves. Collective on snes
+   Structures with friction: searches for tensions inside the friction cones, at most once a solve: after a failure, after a collapse of
+   grains, or on a stall of grains with all gaps closed. *next becomes LATIN_NEXT_DIVERGED without equilibrium, or
+   LATIN_NEXT_CONVERGED if the tensions are a solution at zero displacements. Collective on snes
 */
 PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *next)
 {

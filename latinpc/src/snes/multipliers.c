@@ -1,34 +1,35 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Rigid links in Newton's method: the method of multipliers [M. R. Hestenes; M. J. D. Powell; R. T. Rockafellar]. A rigid
-   link of strain x bears max(0, lambda + r x), or min where it bears compression: with a penalty stiffness r it is a unilateral spring, and
-   Newton's method solves for the displacements. What it then bears is its next lambda. At the solution lambda is its tension and
-   x its gap, whatever r; the larger r beside the stiffness around the link, the fewer times this takes. Where gaps jam, the tensions grow without end.
+   Rigid links in Newton's method: the method of multipliers [M. R. Hestenes; M. J. D. Powell; R. T. Rockafellar]. A rigid link of
+   strain x has the tension max(0, lambda + r x), or min if it bears compression: a unilateral spring of penalty stiffness r and
+   multiplier lambda. Newton's method solves for the displacements with fixed multipliers; the tensions of the springs are the next
+   multipliers. At the solution lambda is the tension and x the gap, for any r. The larger r relative to the stiffness around the link, the
+   fewer updates. With incompatible gaps (jammed links) the tensions grow without bound.
 
-   A contact with friction starts from lambda = 0, for those of an iterate that has diverged lie outside of its cone. With
-   friction there is no energy, and whole steps of Newton's method may end nowhere: they start from problems that have one, see
+   Contacts with friction start from lambda = 0: the tensions of a diverged iterate lie outside the friction cone. Coulomb friction
+   has no energy, and full Newton steps may diverge. They start from the solution of problems with an energy, see
    LatinMultipliersCoulomb_Private() and structure/frictionsprings.c.
 */
 
-#define LATIN_PENALTY          1e3  /* times the search parameter of the link, at first */
-#define LATIN_PENALTY_GROWS    10.0 /* by so much where tensions change by more than a tenth of what they did before */
-#define LATIN_PENALTY_REST     64.0 /* times eps: displacements that change by less do so by rounding, which the penalty makes tensions of */
-#define LATIN_PENALTY_MOST     1e9  /* times the search parameter: more, and rounding hides what soft links bear */
-#define LATIN_MULTIPLIER_TIMES 30   /* most problems with springs */
-#define LATIN_MULTIPLIER_STEPS 400  /* most steps of Newton's method for all of them */
+#define LATIN_PENALTY          1e3  /* initial penalty, relative to the search parameter of the link */
+#define LATIN_PENALTY_GROWS    10.0 /* growth of the penalty if the change of the tensions has not become ten times smaller */
+#define LATIN_PENALTY_REST     64.0 /* times eps: change of the displacements that is rounding, which the penalty amplifies into tensions */
+#define LATIN_PENALTY_MOST     1e9  /* largest penalty, relative to the search parameter: with more, rounding hides the tensions of soft links */
+#define LATIN_MULTIPLIER_TIMES 30   /* most updates of the multipliers */
+#define LATIN_MULTIPLIER_STEPS 400  /* most Newton steps, all updates together */
 
-#define LATIN_FLOOR_GROWS 1e3 /* what slack links keep of their stiffness, where a step finds a mechanism */
-#define LATIN_FLOOR_TIMES 3
+#define LATIN_FLOOR_GROWS 1e3 /* growth of the tangent stiffness of slack links (newton->floor) after a singular linear solve */
+#define LATIN_FLOOR_TIMES 3   /* most such growths */
 
-/* Rigid links become springs, which bear what the iteration has left them. Collective on latin */
+/* Replaces rigid links by springs; the multipliers are the tensions of the iteration. Collective on latin */
 PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 {
   LatinStructure structure = latin->sub.structure;
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  /* penalty and bound are not NULL on a rank without links: that would say that there are none */
+  /* penalty and bound must not be NULL on a rank without links: NULL means none */
   if (!newton->penalty) PetscCall(PetscMalloc4(structure->links_local + 1, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension, structure->links_local + 1, &newton->bound));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal tension = latin->linear.rigid_tension[l];
@@ -42,14 +43,15 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 }
 
 /*
-   The tensions of the springs at u become the multipliers. What is missed of gaps shrinks to K / (K + r) of itself each time, where K is what resists beside
-   the links. *done: displacements, since `before`, and tensions, beside all of them or the loads, have changed by no more than the error asked for, and will not by more at
-   this rate. Where gaps jam K is without end, and newton->found says so. grown: the penalty, times the search parameter. Collective on structure
+   Multiplier update: the tensions of the springs at u. An update reduces the gap error by the factor K / (K + r), with K the stiffness
+   of the structure around the links. *done: the changes of displacements (since `before`) and tensions (relative to all tensions or to the loads)
+   are below the error asked for, and their extrapolation at the measured contraction rate as well. With incompatible gaps K is infinite:
+   newton->found reports jammed links. grown: penalty relative to the search parameter. Collective on structure
 */
 static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
-  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares of changes and of tensions, of missed gaps and of what they are rounded with */
+  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares: changes of tensions, tensions, gap errors, gap terms that are rounded */
   PetscBool            misses, stays;
 
   PetscFunctionBegin;
@@ -75,17 +77,17 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
   stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
   newton->gap = sum[2];
-  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                                                                                    /* what is slow has not shown yet */
-  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* beside loads tensions may be rounding */
-  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* what is to come, at this rate */
+  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                                                                                    /* too early: slowly converging tensions do not show yet */
+  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* relative to loads small tensions may be rounding */
+  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
-  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
+  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* not in time steps: their rigid links have no gaps, or no tension */
   *moved = size > 0.0 ? *moved / size : 0.0;
-  PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
+  PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
 }
 
-/* One problem with springs, to forces without balance of this norm. Collective on snes */
+/* Newton's method with fixed multipliers, to an unbalance of norm `balance`. Collective on snes */
 static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *newton, PetscReal balance, Vec u, SNESConvergedReason *reason)
 {
   const PetscReal kept = newton->balance;
@@ -103,7 +105,7 @@ static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *ne
   PetscFunctionReturn(0);
 }
 
-/* Bounds of the friction: none; or what the normal parts allow that bear `tension`, and half of the way there where there was a bound */
+/* Sets bounds on the tangential tensions. tension NULL: none, contacts stick. Else friction coefficient times normal tension (Tresca), or the mean of that and the previous bound if there was one */
 static void LatinMultipliersBound(LatinNewton *newton, const PetscReal tension[])
 {
   const LatinStructure structure = newton->structure;
@@ -117,7 +119,7 @@ static void LatinMultipliersBound(LatinNewton *newton, const PetscReal tension[]
   newton->sticks   = (PetscBool)!tension;
 }
 
-/* Bounds so low that nothing holds the structure become twice what they were, and the greatest one of all at least: from above each problem is held. Collective on structure */
+/* Doubles friction bounds too low to hold the structure, and raises them to the greatest bound at least: the next problems hold it. Collective on structure */
 static PetscErrorCode LatinMultipliersRaise_Private(LatinNewton *newton)
 {
   const LatinStructure structure = newton->structure;
@@ -131,16 +133,16 @@ static PetscErrorCode LatinMultipliersRaise_Private(LatinNewton *newton)
   PetscFunctionReturn(0);
 }
 
-/* Have the springs of the present problem an energy? Coulomb's friction has none */
+/* Do the springs of the current problem have an energy? Not with Coulomb friction */
 PetscBool LatinMultipliersEnergy(const LatinNewton *newton)
 {
   return (PetscBool)(!newton->structure->rubs || newton->structure->bound);
 }
 
 /*
-   The problem of Coulomb's friction, for which whole steps of Newton's method end soon if they end at all. They start from the
-   problem of contacts that stick where they touch, whose energy is convex; and where they do not end once more from the one
-   whose friction has the bounds of the last tensions, which may hold less than Coulomb's friction does. Collective on snes
+   Coulomb friction, by full Newton steps: if they converge, they do so soon. Initial guess: the solution with sticking contacts, whose
+   energy is convex. If they fail, they restart from the solution with fixed friction bounds (Tresca) from the last tensions, whose energy is
+   convex as well. Such bounds may be too low to hold the structure: they are raised once. Collective on snes
 */
 static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *newton, PetscBool first, Vec u, SNESConvergedReason *reason)
 {
@@ -178,7 +180,7 @@ static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *ne
   PetscFunctionReturn(0);
 }
 
-/* Newton's method for one set of multipliers after the other. Collective on snes */
+/* Loop over multiplier updates: Newton's method, new multipliers, new penalty. Collective on snes */
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscBool done = PETSC_FALSE, first = PETSC_TRUE;
@@ -195,7 +197,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS && !done; k++) {
     if (newton->structure->rubs) PetscCall(LatinMultipliersCoulomb_Private(snes, newton, first, u, reason));
     else PetscCall(LatinMultipliersProblem_Private(snes, newton, newton->balance, u, reason));
-    if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links of a step are a mechanism to rounding */
+    if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links are a mechanism to rounding: tangent stiffness singular */
       newton->floor *= LATIN_FLOOR_GROWS;
       PetscCall(VecCopy(before, u));
       continue;
@@ -210,7 +212,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     }
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
-    if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* they change by rounding of the displacements alone */
+    if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* only rounding of the displacements changes the tensions */
       factor = 1.0 / LATIN_PENALTY_GROWS;
       most   = grown * factor;
     } else if (grown * factor > most) continue;
@@ -222,7 +224,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   PetscFunctionReturn(0);
 }
 
-/* Rigid links bear their multipliers, and are rigid again */
+/* Makes links rigid again; if `solved`, their tensions are the multipliers */
 PetscErrorCode LatinMultipliersEnd_Private(Latin latin, LatinNewton *newton, PetscBool solved)
 {
   LatinStructure structure = latin->sub.structure;

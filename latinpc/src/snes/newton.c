@@ -1,44 +1,43 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method after the iteration of SNES latin, by conjugate gradients with PC latin on the tangent stiffness.
+   Newton's method after the iteration of SNES latin. Linear solves: conjugate gradients with PC latin on the tangent stiffness.
 
-   Finish: where an error is to be proved, or rounding ends the iteration too early. The taut links are nearly those of the
-   solution, and a step is exact for given taut links: its length is the error, and what a linear solve leaves over of it
-   that of the corrected displacements. The preconditioner is made of the operators that SNES latin has built already, with
-   all links taut. It takes a soft mode of the taut links, next to collapse say, for as stiff as the rest: a small structure,
-   for which it takes milliseconds, has a preconditioner of the tangent stiffness here as well.
+   Finish: proves an error, or continues if rounding ends the iteration too early. The active set (the taut links) is nearly that
+   of the solution, and for a fixed active set a Newton step is exact: its length is the error before the step, and the relative
+   residual of the linear solve times that is the error after it. The preconditioner reuses the operators of SNES latin, with all
+   links taut. These overestimate the stiffness of soft modes of the taut links, next to collapse for example. So a small
+   structure has a preconditioner of the tangent stiffness here as well: it takes milliseconds.
 
-   Stall: a linear stage treats every link as a spring of its ascent direction l = k. A slack link that is much stiffer than
-   the structure around it, or a structure that only soft slack links hold, leaves displacements that hardly move from one
-   stage to the next: the iteration would need as many stages as the ratio of the stiffnesses. The preconditioner is built
-   from the tangent stiffness, which leaves slack links out, and anew when links have changed.
+   Stall: a linear stage treats every link as a spring of its ascent direction l = k. If a slack link is much stiffer than the
+   structure around it, or if only soft slack links hold the structure, displacements hardly move from one stage to the next:
+   the number of stages is about the ratio of the stiffnesses. Here the preconditioner is built from the tangent stiffness, which
+   excludes slack links, and is rebuilt when the active set has changed.
 
-   The energy is convex, and a search for its least along each step makes the method converge from anywhere. A linear solve
-   goes no further than its step deserves: as far as the error asked for needs; while links still change between taut and
-   slack, two digits at most (-ksp_rtol of the inner KSP).
+   The energy is convex, so that a line search makes the method converge from any start. Linear solves are inexact: they stop at
+   the error asked for; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES   300                            /* linear stages predicted: more, and the iteration stalls */
+#define LATIN_NEWTON_STAGES   300                            /* most linear stages predicted: with more, the iteration stalls */
 #define LATIN_NEWTON_RIGID    5000                           /* the same with rigid links, for which Newton's method solves several problems */
-#define LATIN_NEWTON_WINDOW   20                             /* linear stages over which progress is measured */
-#define LATIN_NEWTON_CONTRAST 1e6                            /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
-#define LATIN_NEWTON_RTOL     1e-2                           /* of a linear solve whose step changes the taut links */
-#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5)   /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
-#define LATIN_NEWTON_PROOF    0.5                            /* part of the residual that is left where a step is taken for the error */
-#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
-#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* of the greatest one */
+#define LATIN_NEWTON_WINDOW   20                             /* linear stages over which the contraction rate is measured */
+#define LATIN_NEWTON_CONTRAST 1e6                            /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
+#define LATIN_NEWTON_RTOL     1e-2                           /* rtol of a linear solve while the active set changes */
+#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5)   /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
+#define LATIN_NEWTON_PROOF    0.5                            /* relative residual of a linear solve below which its iterate measures the error */
+#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
+#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* the same, at least, relative to the greatest stiffness */
 #define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
-#define LATIN_NEWTON_SLOW     4                              /* steps after which one that changes more than half as many links as the one before makes equilibrium doubtful */
-#define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
-#define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
-#define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
-#define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
+#define LATIN_NEWTON_FULL     12                             /* full steps before the line search: if they converge, they do so soon */
+#define LATIN_NEWTON_SLOW     4                              /* first step at which slow convergence triggers the search for a collapse: the step changes more than half as many links as the one before */
+#define LATIN_NEWTON_GAIN     0.5                            /* with a fixed active set, a step that reduces the error by less than this shows rounding */
+#define LATIN_NEWTON_DOUBTS   1e8                            /* upper bound of `doubt` */
+#define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
+#define LATIN_NEWTON_OWN      3000                           /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
+#define LATIN_NEWTON_STILL    10                             /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
 
-/* Before the first linear stage of a solve. Collective on structure */
+/* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
 {
   PetscReal least, most;
@@ -50,19 +49,19 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall  = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
+  newton->stall  = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
   newton->grains = (PetscBool)(structure->rubs && !(most > 0.0));
   newton->asked  = PETSC_FALSE;
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
-  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction the method may fail where there is an equilibrium */
+  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction Newton's method may fail although there is an equilibrium */
   PetscFunctionReturn(0);
 }
 
 /*
-   Would the iteration need too many more linear stages, at the rate of the last two windows? To be called once a stage
-   with what the stop is on.
+   Does the iteration stall? It does if the contraction rate of the last two windows predicts more than newton->most linear stages.
+   Call once a stage with the measure of the stop and its target.
 */
 PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal target)
 {
@@ -80,9 +79,9 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
 }
 
 /*
-   A linear solve ends when what it leaves over of the step is small beside the error asked for, as far as the part of the
-   residual shows that is left: with PC latin the natural norm of CG is that of the energy, about; and when forces are as much in
-   balance as a claim needs, for another step would start its search for directions anew. Else at its tolerance.
+   Convergence test of the linear solves: inexact Newton. Stops at the rtol, or with operators of the iteration once the error left in the step is below
+   the target and the residual below newton->balance. That error is estimated from the relative residual: with PC latin the natural
+   norm of CG is about the energy norm. The residual is tested here because another Newton step would build its Krylov space anew.
 */
 static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
@@ -109,8 +108,8 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
 }
 
 /*
-   Do forces contradict what a step claims? What the displacements u leave without balance may be rounding alone; where they are larger than the
-   structure it is nearly a mechanism, and small forces are no balance. Collective on snes
+   Does the unbalance at u contradict convergence? The unbalance may be rounding alone. If u is larger than the structure, that is
+   nearly a mechanism, and a small unbalance proves nothing: *claims becomes false. Collective on snes
 */
 static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
 {
@@ -127,7 +126,7 @@ static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionReturn(0);
 }
 
-/* Does a correction, of one more linear stage, contradict what a step claims? Then linear solves go on for longer by as much. Collective on snes */
+/* Does a correction, by one more linear stage, contradict convergence? Then newton->doubt tightens the linear solves by its ratio to the target. Collective on snes */
 static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
 {
   PetscReal error, times;
@@ -144,7 +143,7 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   PetscFunctionReturn(0);
 }
 
-/* Of claims that the displacements u are the solution, or that rounding leaves no more, what forces and a correction confirm. Collective on snes */
+/* Verifies by the unbalance and by a correction that u has converged (*claims), or as far as rounding allows (*rounding). Collective on snes */
 static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscInt changes, PetscBool *rounding, PetscBool *claims)
 {
   LatinEquilibrium found;
@@ -153,7 +152,7 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
     *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load that only slack links hold goes on */
+    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load may hang on slack links alone: not converged */
   }
   newton->tensions = found.forces;
   if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
@@ -161,8 +160,8 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
 }
 
 /*
-   Can any forces in the cones of contacts with friction bear the loads? Where *held they do: `bears`, of all links. The cones have operators of
-   their own; what it takes is counted as steps of Newton's method. Collective on latin
+   Are there statically admissible tensions, inside the friction cones? If *held, `bears` returns them, for all links. The problem
+   of the cones has its own operators; its steps and linear stages count as Newton's. Collective on latin
 */
 PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec more, PetscReal bears[], PetscBool *held)
 {
@@ -200,8 +199,8 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
 }
 
 /*
-   Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
-   steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
+   Is there an equilibrium at all? Asked once a solve, if Newton's method converges slowly; counts as its steps. Needs PC latin: the
+   operators have no entries for other preconditioners. Collective on newton->snes
 */
 PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
 {
@@ -228,11 +227,11 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, NULL, &steps, &stages, &held, &newton->found));
   newton->steps += steps;
   newton->stages += stages;
-  newton->changes = 1; /* the tangent stiffness is lost */
+  newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
   PetscFunctionReturn(0);
 }
 
-/* The last step, relative to the displacements u after it, in the norm of the stop. Collective on snes */
+/* Length of the last step, relative to u after it, in the l2 and energy norms. Collective on snes */
 static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal *l2, PetscReal *energy)
 {
   Vec step, before;
@@ -246,14 +245,14 @@ static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Ve
   PetscFunctionReturn(0);
 }
 
-/* The error left after a step: the part of it that the linear solver has left over where no link has changed, else the step itself */
+/* Convergence test. The error after a step is its length times the relative residual of the linear solve if the active set is unchanged, else its length */
 static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves */
-  PetscBool      confirmed = PETSC_TRUE;                       /* a small step has followed another where forces of stiff links hide those of soft ones */
+  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
+  PetscBool      confirmed = PETSC_TRUE;                       /* two small steps in a row, if forces of stiff links hide those of soft ones */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -274,20 +273,20 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
     PetscCall(SNESGetLineSearch(snes, &search));
     PetscCall(SNESLineSearchGetLambda(search, &lambda));
-    if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
+    if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* a shortened step: links have changed along it */
     newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
     else newton->still = 0;
-    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
     newton->known = changes ? 0.0 : newton->error;
     creeps        = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
-    confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees what was hidden */
+    confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees the forces of soft links */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
-                         (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
+                         (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* no error reduction with a fixed active set */
   claims   = (PetscBool)(it && !creeps && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
@@ -301,7 +300,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  newton->left = 0.0; /* of a linear solver without a test: a direct one */
+  newton->left = 0.0; /* direct solvers do not call the test that sets it */
   newton->size = PetscMax(newton->size, xnorm);
   PetscFunctionReturn(0);
 }
@@ -315,12 +314,12 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionBegin;
   (void)P;
   PetscCall(SNESGetIterationNumber(snes, &done));
-  if (done && !newton->changes) PetscFunctionReturn(0); /* the same operator, and preconditioner */
+  if (done && !newton->changes) PetscFunctionReturn(0); /* active set unchanged: reuse operator and preconditioner */
   PetscCall(LatinTangentCompute_Private(newton->structure, u, newton->floor, A, &tangent));
   PetscFunctionReturn(0);
 }
 
-/* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on, where there is an energy */
+/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Fails instead if there is no energy */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -342,7 +341,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(VecDot(f, step, &before));
   if (done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
-  PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
+  PetscCall(VecScale(step, length)); /* its norm is that of the shortened step */
   PetscCall(SNESLineSearchSetLambda(search, length));
   PetscCall(SNESComputeFunction(snes, u, f));
   PetscCall(VecDot(f, step, &after));
@@ -352,8 +351,8 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
 }
 
 /*
-   Has the method operators of its own to finish with? In a motion masses hold all modes, but where links are rigid and others elastic,
-   tensions that creep show nowhere else. Collective on structure
+   Does Newton's method finish with a preconditioner of the tangent stiffness? Motions do not need it, since masses make all modes stiff;
+   except with both rigid and elastic links, where nothing else detects slowly converging tensions. Collective on structure
 */
 PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
 {
@@ -369,7 +368,7 @@ PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES, prefix -snes_latin_newton_; `tangent`: with operators of its own. Collective on snes */
+/* The inner SNES, prefix -snes_latin_newton_; `tangent`: preconditioner of the tangent stiffness. Collective on snes */
 PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tangent, LatinNewton *newton)
 {
   SNESLineSearch search;
@@ -415,7 +414,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
-  /* the structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
+  /* matrix-free tangent stiffness for PC latin, which needs no entries */
   PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   if (!is) PetscFunctionReturn(0);
@@ -426,7 +425,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscFunctionReturn(0);
 }
 
-/* From the displacements u, known to this relative error (0: not known), to those of the solution. u is worthless when the reason is negative. Collective on snes */
+/* Solves from the initial guess u, known to the relative error `known` (0: not known). u is undefined if the reason is negative. Collective on snes */
 PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
 {
   PetscReal least, most;
@@ -434,7 +433,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
-  newton->floor    = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  newton->floor    = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* 0 without a stall: no mechanism is near, and a step is exact */
   newton->linear   = (PetscBool)!newton->latin->sub.nonsmooth_global;
   newton->error    = newton->latin->linear.indicator;
   newton->known    = known;

@@ -1,6 +1,6 @@
 #include "snes/sneslatinimpl.h"
 
-/* What users set of SNES latin, by options or in code */
+/* Options of SNES latin and their setters */
 
 const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "auto", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const LatinWarmStarts[]  = {"none", "last", "extrapolate", "LatinWarmStart", "LATIN_WARM_START_", NULL};
@@ -55,24 +55,24 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   }
   if (data->outer) PetscCall(SNESLatinOuterOptions_Private(snes));
   else PetscCall(SNESLatinCreateOuter_Private(snes));
-  PetscCall(SNESDestroy(&data->newton.snes)); /* made anew with the options and the prefix of now */
+  PetscCall(SNESDestroy(&data->newton.snes)); /* recreated with the current options and prefix */
   PetscFunctionReturn(0);
 }
 
 /*@C
-  SNESLatinSetStop - What must become small.
+  SNESLatinSetStop - Sets the convergence criterion.
 
   Logically collective on snes
 
   Input Parameters:
 + snes - of type latin
-- stop - `LATIN_STOP_INDICATOR`: the distance of the two stages of an iteration, relative, below the step tolerance of
-         `SNESSetTolerances()`, where forces without balance do not show an error of ten times that; `LATIN_STOP_RESIDUAL`: the nodal unbalance, below its relative or absolute tolerance,
-         where rigid links meet their gaps;
-         `LATIN_STOP_REFERENCE`: the error against `SNESLatinSetReference()`, below its step tolerance;
+- stop - `LATIN_STOP_INDICATOR`: the relative distance of the two stages of an iteration is below the step tolerance of
+         `SNESSetTolerances()`, and the unbalance shows no error of ten times that; `LATIN_STOP_RESIDUAL`: the nodal unbalance is
+         below the relative or absolute tolerance, and rigid links meet their gaps;
+         `LATIN_STOP_REFERENCE`: the error relative to `SNESLatinSetReference()` is below the step tolerance;
          `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
-         norm, below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
-         `LATIN_STOP_INDICATOR` where a step tolerance other than the default is given
+         norm, is below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
+         `LATIN_STOP_INDICATOR` if a step tolerance other than the default is given
 
   Options Database Key:
 . -snes_latin_stop <indicator,residual,reference,error,energy,auto> - the stop
@@ -80,7 +80,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   Level: beginner
 
   Note:
-  A test given to `SNESSetConvergenceTest()` decides in the place of all of them.
+  A test given to `SNESSetConvergenceTest()` replaces all of them.
 
 .seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinSetReference()`
 @*/
@@ -98,7 +98,7 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 }
 
 /*@C
-  SNESLatinSetError - The estimated error at which `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY` ends a solve.
+  SNESLatinSetError - Sets the estimated error to stop at with `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY`.
 
   Logically collective on snes
 
@@ -121,14 +121,14 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
   data = (SNES_Latin *)snes->data;
-  if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* whatever the step tolerance */
+  if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* even with a step tolerance */
   data->target = error;
   data->chosen = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
 /*@C
-  SNESLatinSetTensionError - The estimated error of the tensions at which `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY` may end a solve, beside that of the displacements.
+  SNESLatinSetTensionError - Sets the estimated error of the tensions to stop at with `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY`, in addition to that of the displacements.
 
   Logically collective on snes
 
@@ -142,7 +142,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   Level: intermediate
 
   Note:
-  It counts where balance does, `SNESLatinSetBalance()`: forces are asked for, not in the steps of a motion.
+  Applies under the conditions of `SNESLatinSetBalance()`, and so not in the time steps of a motion.
 
 .seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionError()`
 @*/
@@ -157,13 +157,13 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
 }
 
 /*@C
-  SNESLatinSetBalance - The forces without balance at which a solve may end, beside what its stop asks for.
+  SNESLatinSetBalance - Sets the largest unbalanced forces at convergence, in addition to the convergence criterion.
 
   Logically collective on snes
 
   Input Parameters:
 + snes    - of type latin
-- balance - of the nodal unbalance, relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive; 1e30: any
+- balance - nodal unbalance relative to the loads, l2 norms; without loads relative to the tensions at the nodes. Positive; 1e30: any
 
   Options Database Key:
 . -snes_latin_balance <1e-2> - the unbalance
@@ -171,8 +171,8 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
   Level: intermediate
 
   Note:
-  It counts for the stops auto (unless a step tolerance is given), error and energy, and not in the steps of a motion.
-  What rounding leaves does not count.
+  Applies to the stops auto (unless a step tolerance is given), error and energy, and not to the time steps of a motion. An unbalance
+  that is rounding is accepted.
 
 .seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`, `SNESLatinSetLargestUnbalance()`
 @*/
@@ -180,20 +180,20 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive and finite, for example 1e-2, not %g",
+  PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the largest unbalance relative to the loads, positive and finite, for example 1e-2, not %g",
              (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
   PetscFunctionReturn(0);
 }
 
 /*@C
-  SNESLatinSetLargestUnbalance - The force without balance on a node at which a solve may end, beside what `SNESLatinSetBalance()` allows.
+  SNESLatinSetLargestUnbalance - Sets the largest unbalanced force on a node at convergence, in addition to `SNESLatinSetBalance()`.
 
   Logically collective on snes
 
   Input Parameters:
 + snes  - of type latin
-- force - that no node is left with; 0: any
+- force - bound on the unbalanced force of each node; 0: any
 
   Options Database Key:
 . -snes_latin_largest_unbalance <0> - the force
@@ -201,8 +201,8 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   Level: intermediate
 
   Note:
-  The forces of all nodes together, l2 norm, are held below it. What rounding leaves does not count. Other stops than auto, error and
-  energy, a step tolerance with auto, and steps of motions do not look at balance, and refuse it.
+  The bound is applied to the l2 norm over all nodes. An unbalance that is rounding is accepted. An error with other stops than auto, error
+  and energy, with a step tolerance and auto, and in the time steps of motions: these do not test the balance.
 
 .seealso: `SNESLATIN`, `SNESLatinSetBalance()`
 @*/
@@ -210,20 +210,20 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
-             "-snes_latin_largest_unbalance is the force without balance that a node may be left with, for example 1 (N), or 0 for any, not %g", (double)force);
+  PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_largest_unbalance is the largest unbalanced force on a node, for example 1 (N), or 0 for any, not %g",
+             (double)force);
   ((SNES_Latin *)snes->data)->unbalance = force;
   PetscFunctionReturn(0);
 }
 
 /*@C
-  SNESLatinSetNewton - When Newton's method takes over from the iteration.
+  SNESLatinSetNewton - Sets when Newton's method takes over from the iteration.
 
   Logically collective on snes
 
   Input Parameters:
 + snes - of type latin
-- type - `LATIN_NEWTON_AUTO`: where the iteration stalls or diverges, where rounding ends it too early, and to prove an error
+- type - `LATIN_NEWTON_AUTO`: if the iteration stalls or diverges, if rounding ends it too early, and to prove an error
          (`LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`, or stiffnesses that differ by orders of magnitude); `LATIN_NEWTON_NEVER`
 
   Options Database Keys:
@@ -233,9 +233,9 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
   Level: intermediate
 
   Note:
-  Where Newton's method fails the iteration goes on. Its preconditioner is made of the operators of the iteration, or, where
-  that has stalled and for structures of up to 3,000 unknowns, of the tangent stiffness. Rigid links are springs in it, whose tensions become multipliers until
-  the springs do no more; they prove no error. Contacts with friction have a tangent stiffness that is not symmetric: GMRES takes the place of CG.
+  If Newton's method fails, the iteration continues. The preconditioner is built from the operators of the iteration; after a stall and
+  for structures of up to 3,000 unknowns from the tangent stiffness. Rigid links are treated by the method of multipliers, which
+  proves no error. Contacts with friction have a nonsymmetric tangent stiffness: GMRES replaces CG.
 
 .seealso: `SNESLATIN`
 @*/
@@ -248,7 +248,7 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 }
 
 /*@C
-  SNESLatinSetReference - Gives a displacement against which the error of every iterate is measured.
+  SNESLatinSetReference - Sets reference displacements, relative to which the error of every iterate is computed.
 
   Collective on snes
 
@@ -274,14 +274,14 @@ PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
 }
 
 /*@C
-  SNESLatinSetWarmStart - Where a solve starts after one with this SNES that has converged.
+  SNESLatinSetWarmStart - Sets the initial state of a solve after a converged solve with this SNES.
 
   Logically collective on snes
 
   Input Parameters:
 + snes - of type latin
 - warm - `LATIN_WARM_START_NONE`: from the displacements in the solution vector; `LATIN_WARM_START_LAST`: from the state where the
-         last solve converged, whatever the solution vector holds; `LATIN_WARM_START_EXTRAPOLATE`: the states of the last two
+         last solve converged, regardless of the solution vector; `LATIN_WARM_START_EXTRAPOLATE`: the states of the last two
          solves extrapolated, for loads that change in equal steps
 
   Options Database Key:

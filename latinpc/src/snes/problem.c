@@ -1,10 +1,10 @@
 #include "snes/sneslatinimpl.h"
 
-/* What a solve of SNES latin works on: the structure or its parts, operators, state, loads and reference; and the iteration with them */
+/* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference; the inner SNES; residual */
 
 /*
-   A solve from rest begins as on a new object: with the parts and the penalties of the first. From those at the end of the last solve another
-   path may lead to another equilibrium, or to none. So it may with the search parameter of a solve that has failed. Collective on snes
+   Restores the operators and penalties of a new object before a solve from rest. With those at the end of the last solve the path may lead to
+   another equilibrium, or to none; so may the search parameter of a failed solve. Collective on snes
 */
 static PetscErrorCode SNESLatinAfresh_Private(SNES snes)
 {
@@ -24,7 +24,7 @@ static PetscErrorCode SNESLatinAfresh_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* What the iteration works on: the structure itself, or the parts of its links where they turn. Collective on snes */
+/* *problem: the structure itself, or with geometry prestress or large the frame of the parts of its links (structure/frame.c). Collective on snes */
 PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, LatinStructure *problem)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -48,7 +48,7 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
   PetscFunctionReturn(0);
 }
 
-/* What fits the structure as it was */
+/* Destroys what depends on the old structure: states, inner SNES, multipliers */
 PetscErrorCode SNESLatinResetState_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -67,26 +67,26 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Builds what has changed in the structure, and the fixed-point unknown when its length has */
+/* Updates the operators after changes of the structure, and creates the state if its length has changed. Collective on snes */
 PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   Latin       latin = data->latin;
 
   PetscFunctionBegin;
-  if (data->z) { /* new laws or a new partition take everything down */
+  if (data->z) { /* new laws or a new partition invalidate the state */
     PetscObjectState state;
 
     PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &state));
     if (!latin->set_up || state != latin->structure_state || latin->stale) PetscCall(SNESLatinResetState_Private(snes));
   }
-  PetscCall(SNESLatinCreateOuter_Private(snes)); /* its options are the user's before anything is built */
+  PetscCall(SNESLatinCreateOuter_Private(snes)); /* first: the user's options of the inner SNES are read before the set-up */
   PetscCall(LatinSetUp_Private(latin));
   if (!data->z) PetscCall(LatinCreateState_Private(&latin->linear, &data->z));
   PetscFunctionReturn(0);
 }
 
-/* The reference, brought to the subdomains */
+/* Copies the reference displacements to the subdomains. Collective on snes */
 PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -94,7 +94,7 @@ PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
   PetscInt    n, m;
 
   PetscFunctionBegin;
-  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs reference displacements: call SNESLatinSetReference()");
   if (!data->reference) PetscFunctionReturn(0);
   PetscCall(VecGetSize(data->reference, &n));
   PetscCall(VecGetSize(latin->sub.structure->load, &m));
@@ -106,7 +106,7 @@ PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* F(x) = b: more load */
+/* F(x) = b: adds b to the loads. Collective on snes */
 PetscErrorCode SNESLatinLoad_Private(SNES snes)
 {
   Latin latin = ((SNES_Latin *)snes->data)->latin;
@@ -137,7 +137,7 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* The iteration, from the state z on, with this convergence test of the inner SNES, which may end by itself as well */
+/* The iteration from the state z, with `test` as convergence test of the inner SNES, which may end without it. Collective on snes */
 PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *))
 {
   SNES_Latin         *data = (SNES_Latin *)snes->data;
@@ -156,7 +156,7 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, 
   PetscFunctionReturn(0);
 }
 
-/* The nodal unbalance of the solution vector becomes the function. Collective on snes */
+/* Computes the function, the nodal unbalance, at the solution vector. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -169,7 +169,7 @@ PetscErrorCode SNESLatinBalance_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
+/* Solution vector: the mean displacements of the subdomains; function: their nodal unbalance. Once a linear stage. Collective on snes */
 PetscErrorCode SNESLatinResidual_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;

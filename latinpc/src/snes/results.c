@@ -1,9 +1,9 @@
 #include "snes/sneslatinimpl.h"
 
-/* What users learn of a SNES latin: its solvers, its history, why it has not converged, a view */
+/* Results of SNES latin: inner solvers, history, error estimates, diagnosis, tensions, view */
 
 /*@C
-  SNESLatinGetLatin - The decomposition behind a SNES of type latin, for `LatinGetStatistics()` and its like.
+  SNESLatinGetLatin - Gets the decomposition of a SNES of type latin, for `LatinGetStatistics()` and other getters.
 
   Not collective; the reference is borrowed
 
@@ -18,7 +18,7 @@ PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
 }
 
 /*@C
-  SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
+  SNESLatinGetHistory - Gets indicator and errors of the last solve, one value per linear stage.
 
   Not collective; the arrays are borrowed
 
@@ -45,15 +45,15 @@ PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indi
 }
 
 /*@C
-  SNESLatinGetEstimates - Estimated errors of the last solve, and what rounding leaves.
+  SNESLatinGetEstimates - Gets the estimated errors of the last solve, and the smallest error that rounding allows.
 
   Not collective; the array is borrowed
 
   Output Parameters:
 + n        - number of linear stages
 . estimate - relative error after each of them, NULL without `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY`
-. last     - that of the solution, which Newton's method may have improved; 0 without them
-- floor    - the smallest error that rounding allows on this structure, an estimate; 0 when unknown
+. last     - relative error of the solution, which Newton's method may have improved; 0 without these stops
+- floor    - estimate of the smallest error that rounding allows on this structure; 0: unknown
 
   Level: intermediate
 
@@ -76,12 +76,12 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
-  SNESLatinGetTensionError - The estimated error of the tensions of the last solve.
+  SNESLatinGetTensionError - Gets the estimated error of the tensions of the last solve.
 
   Not collective
 
   Output Parameter:
-. error - relative, l2 norm over all links; negative where it is not estimated: by other stops than `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY` and auto, and in motions without rigid links
+. error - relative, l2 norm over all links; negative: not estimated, as with other stops than `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY` and auto, and in motions without rigid links
 
   Level: intermediate
 
@@ -99,13 +99,13 @@ PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
 }
 
 /*@C
-  SNESLatinGetPath - How the last solve with large displacements went.
+  SNESLatinGetPath - Gets statistics of the last solve with large displacements.
 
   Not collective
 
   Output Parameters:
-+ renewals - how often operators were made at displaced configurations
-- borne    - part of the loads that the displacements bear, and of the prescribed displacements that they are of: 1, or less where no stable equilibrium follows that of this part
++ renewals - number of rebuilds of the operators at displaced configurations
+- borne    - part of the loads and of the prescribed displacements of which the solution is the equilibrium: 1, or less if the path has no stable equilibrium beyond this part
 
   Level: intermediate
 
@@ -118,29 +118,29 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
   data = (SNES_Latin *)snes->data;
-  PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large, and solve, before");
+  PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large and solve first");
   if (renewals) *renewals = data->large.renewals;
   if (borne) *borne = data->large.reached;
   PetscFunctionReturn(0);
 }
 
 /*@C
-  SNESLatinGetUnsupportedNodes - The nodes that nothing holds where the last solve has not converged: loads move them, and no link resists.
+  SNESLatinGetUnsupportedNodes - Gets the unsupported nodes after a solve without convergence: loads move them, and no link resists.
 
   Not collective; the array is borrowed
 
   Output Parameters:
-+ count  - how many they are; 0 when the solve has converged, or nothing is known
-. listed - how many of them are listed, at most 8
-. node   - global numbers
-- distance - how far they are from links that would stop them, a length; infinite: Newton's method has shown that loads move them without end
++ count    - number of nodes; 0 if the solve has converged, or if they are unknown
+. listed   - number of nodes listed, at most 8
+. node     - global numbers
+- distance - distance to links that would stop them, a length; infinite: Newton's method has proved that no link stops them
 
   Level: intermediate
 
   Note:
-  With large displacements they are those that move most in the mode by which the last stable equilibrium buckles, or snaps
-  through; none where the structure as drawn is not stable. Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
-  search parameter of rigid ones.
+  With large displacements: the nodes that move most in the buckling or snap-through mode of the last stable equilibrium; none if
+  the structure as drawn is unstable. Nodes that move towards a support converge slowly if their loads are small relative to the
+  stiffness of slack links or to the search parameter of rigid links.
 
 .seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`
 @*/
@@ -159,19 +159,19 @@ PetscErrorCode SNESLatinGetUnsupportedNodes(SNES snes, PetscInt *count, PetscInt
 }
 
 /*@C
-  SNESLatinGetJammedLinks - The rigid links whose gaps no displacement meets together, where the last solve has not converged.
+  SNESLatinGetJammedLinks - Gets the rigid links with incompatible gaps, after a solve without convergence.
 
   Not collective; the array is borrowed
 
   Output Parameters:
-+ count  - how many they are; 0 when the solve has converged, or nothing is known
-. listed - how many of them are listed, at most 8
++ count  - number of links; 0 if the solve has converged, or if they are unknown
+. listed - number of links listed, at most 8
 - link   - global numbers
 
   Level: intermediate
 
   Note:
-  Inextensible cables that are too short, contacts without room: their tensions grow for ever, towards a self-stress.
+  For example inextensible cables that are too short, or contacts without enough room. Their tensions grow without bound, towards a self-stress.
 
 .seealso: `SNESLatinGetUnsupportedNodes()`
 @*/
@@ -189,17 +189,17 @@ PetscErrorCode SNESLatinGetJammedLinks(SNES snes, PetscInt *count, PetscInt *lis
 }
 
 /*@C
-  SNESLatinGetTensions - Tensions of this rank's links at the solution of the last solve, in the caller's numbering.
+  SNESLatinGetTensions - Gets the tensions of this rank's links at the solution of the last solve, in the caller's numbering.
 
   Collective on snes
 
   Output Parameter:
-. tension - [links_local], a force, positive in traction: of elastic links by their law at the displacements, of rigid ones those that the solve has found
+. tension - [links_local], a force, positive in traction: of elastic links by their law at the displacements, of rigid links as computed by the solve
 
   Level: beginner
 
   Note:
-  A SNES of another type has no rigid links, and gives what `LatinStructureGetTensions()` gives at its solution.
+  A SNES of another type has no rigid links: same result as `LatinStructureGetTensions()` at its solution.
 
 .seealso: `LatinStructureGetTensions()`, `TSLatinGetTensions()`
 @*/
@@ -213,12 +213,12 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
-  PetscCheck(u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no solution yet: call SNESSolve() before");
+  PetscCheck(u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no solution yet: call SNESSolve() first");
   PetscCall(LatinSolverTensions_Private(snes, structure, u, tension));
   PetscFunctionReturn(0);
 }
 
-/* For structure/attach.c, which finds it by its name */
+/* Composed with the SNES as LatinRigidTensions_C, for structure/attach.c */
 PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[])
 {
   const SNES_Latin    *data  = (SNES_Latin *)snes->data;
@@ -230,7 +230,7 @@ PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[
 }
 
 /*@C
-  SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
+  SNESLatinGetOuter - Gets the inner SNES that solves z - G(z) = 0, with G the fixed-point map.
 
   Collective on snes when called first; the reference is borrowed
 
@@ -256,14 +256,14 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s%s\n", LatinStopTypes[data->stop], data->asked == LATIN_STOP_AUTO ? ", chosen by auto" : ""));
   if (SNESLatinEstimates(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "estimated error below %g in the %s norm\n", (double)data->target, data->estimate.energy ? "energy" : "l2"));
-  if (data->latin->sub.structure && SNESLatinBalances(snes)) PetscCall(PetscViewerASCIIPrintf(viewer, "forces without balance below %g of the loads\n", (double)data->balance));
-  if (data->unbalance > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "force without balance on a node below %g\n", (double)data->unbalance));
+  if (data->latin->sub.structure && SNESLatinBalances(snes)) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced forces below %g of the loads\n", (double)data->balance));
+  if (data->unbalance > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced force on a node below %g\n", (double)data->unbalance));
   PetscCall(PetscViewerASCIIPrintf(viewer, "warm start: %s\n", LatinWarmStarts[data->warm]));
   PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
   if (data->done)
     PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
   if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
-  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: operators made anew %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
+  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));

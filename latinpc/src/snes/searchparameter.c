@@ -1,28 +1,30 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   The search parameter l of contacts with friction, changed where the iteration stalls. It weighs tensions against gaps:
-   too small, and tensions creep while gaps move to and fro; too large, and it is the other way round. So the two should
-   change by as much from one local stage to the next, |change of tau_hat| = l |change of e_hat|. What grains with friction
-   need is not known before (from 1/4 to 8 times what structure/rigidlaws.c chooses), and nothing else is guaranteed to end a stall.
+   Adapts the search parameter l of rigid links on stagnation.
 
-   Another l is another operator: all is built again. Where no link has a stiffness, and no mass stands behind a node, all
-   operators are proportional to l, and the state is written anew for the same tensions and displacements: the iteration goes
-   on. Factors are powers of two, which round nothing, and are the same on any number of ranks.
+   Rigid links alone, with friction: l weighs tensions against gaps. If it is too small, tensions converge slowly while gaps oscillate; if too
+   large, the other way round. Both should change equally from one local stage to the next, |change of tau_hat| = l |change of e_hat|.
+   The best l of grains with friction is unknown beforehand (1/4 to 8 times the choice of structure/rigidlaws.c), and nothing
+   else is guaranteed to end a stall.
 
-   Beside elastic links l should be the stiffness that the structure shows to its rigid links. That of the neighbours, which
-   structure/rigidlaws.c takes, may be far from it where stiffnesses differ much. The linear stages show it: from one to the next the
-   tensions of the rigid links change by what this stiffness makes of the changes of their elongations. Where it is far
-   from l, and the iteration has not come to an end soon, the solve starts anew with another l.
+   Another l needs new operators. Without elastic links and masses all operators are proportional to l, and the state is converted to
+   the same tensions and displacements: the iteration continues. Factors are powers of two, which cause no rounding and are the same on
+   any number of ranks.
+
+   Rigid links beside elastic ones: l should be the stiffness of the structure at its rigid links. structure/rigidlaws.c takes the
+   stiffness of the neighbours, which may be far from it if stiffnesses differ much. The linear stages measure it: the ratio of the
+   changes of tensions and of elongations of the rigid links from one stage to the next. If it is far from l after a window of stages,
+   the solve restarts with another l.
 */
 
-#define LATIN_PARAMETER_WINDOW 30   /* linear stages at first, as many as between two restarts of Anderson's acceleration */
-#define LATIN_PARAMETER_GAIN   0.5  /* an indicator that has not fallen by this since the last but so many windows stalls */
-#define LATIN_PARAMETER_MOST   4.0  /* largest change at once */
-#define LATIN_PARAMETER_FAR    16.0 /* no further than this from where it started */
-#define LATIN_PARAMETER_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
-#define LATIN_PARAMETER_RANGE  1e10 /* from where it started: a structure that falls shows less and less stiffness, and operators made of it are a mechanism to rounding */
-#define LATIN_PARAMETER_AGAIN  3    /* times that the operators are made anew */
+#define LATIN_PARAMETER_WINDOW 30   /* initial window of linear stages, as many as between two restarts of the Anderson acceleration */
+#define LATIN_PARAMETER_GAIN   0.5  /* stall: the indicator has not been reduced by this factor, windows LATIN_PARAMETER_PAST / 2 apart */
+#define LATIN_PARAMETER_MOST   4.0  /* largest factor of a change */
+#define LATIN_PARAMETER_FAR    16.0 /* largest factor of all changes together, rigid links alone */
+#define LATIN_PARAMETER_OFF    32.0 /* largest ratio of search parameter and measured stiffness without a change */
+#define LATIN_PARAMETER_RANGE  1e10 /* largest factor of all changes together, beside elastic links: the measured stiffness of a collapsing structure decreases, until operators are singular to rounding */
+#define LATIN_PARAMETER_AGAIN  3    /* most changes beside elastic links */
 
 static void LatinParameterClear(LatinParameter *parameter)
 {
@@ -31,11 +33,11 @@ static void LatinParameterClear(LatinParameter *parameter)
   parameter->sum[0] = parameter->sum[1] = 0.0;
 }
 
-/* Before the first linear stage of a solve. Collective on latin */
+/* Before the first linear stage of a solve: finds out whether l may be adapted. Collective on latin */
 PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *parameter)
 {
   const LatinStructure structure = latin->sub.structure;
-  PetscInt             kinds     = 0; /* of links here: elastic, rigid with a search parameter of ours, rigid with the user's */
+  PetscInt             kinds     = 0; /* bits: elastic links (1), rigid links with an automatic search parameter (2), with the user's (4) */
 
   PetscFunctionBegin;
   LatinParameterClear(parameter);
@@ -57,9 +59,9 @@ PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *paramete
 }
 
 /*
-   After the two stages from z to Gz: how much tensions and l times elongations have changed, beside the distance of the
-   stages. Those of the local stage, tau_hat and tau_hat - Gz; where other links have a stiffness those of the linear stage,
-   of which tau + l e is 2 tau_hat - Gz, and tau - l e is z
+   After the two stages from z to Gz: adds the squared changes of tensions and of l times elongations, relative to the distance of
+   the stages. Rigid links alone: of the local stage, tau_hat and l e_hat = tau_hat - Gz. Beside elastic links: of the linear stage,
+   from tau + l e = 2 tau_hat - Gz and tau - l e = z. Not collective
 */
 PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinParameter *parameter)
 {
@@ -89,7 +91,7 @@ PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinPa
   PetscFunctionReturn(0);
 }
 
-/* The stiffness that the structure shows to its rigid links, beside l; far from it, all is to be built again */
+/* Beside elastic links: measures the stiffness at rigid links, relative to l. If it is far from 1, *next becomes LATIN_NEXT_REBUILD. Collective on latin */
 static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], shown;
@@ -109,7 +111,7 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *p
   PetscFunctionReturn(0);
 }
 
-/* Is it time for another parameter? Then *next says how; else it stays. To be called once a stage with what the stop is on. Collective on latin */
+/* Does the search parameter need a change? Then *next becomes LATIN_NEXT_REBUILD. Call once a stage with the measure of the stop. Collective on latin */
 PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], *least = parameter->least, now, before;
@@ -126,12 +128,12 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinPa
   }
   PetscCall(MPIU_Allreduce(parameter->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   if (parameter->seen >= LATIN_PARAMETER_PAST * parameter->window && now > LATIN_PARAMETER_GAIN * before && sum[0] > 0.0 && sum[1] > 0.0) {
-    const PetscReal wanted = PetscPowReal(sum[0] / sum[1], 0.25); /* half of the way, on a logarithmic scale */
+    const PetscReal wanted = PetscPowReal(sum[0] / sum[1], 0.25); /* square root of the measured ratio: half of the way on a logarithmic scale */
 
     parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(PetscMin(LATIN_PARAMETER_MOST, PetscMax(1.0 / LATIN_PARAMETER_MOST, wanted)))));
     if (parameter->factor != 1.0 && parameter->factor * latin->tuning <= LATIN_PARAMETER_FAR && parameter->factor * latin->tuning >= 1.0 / LATIN_PARAMETER_FAR) {
       LatinParameterClear(parameter);
-      parameter->window += parameter->window / 2; /* an indicator in another unit takes its time */
+      parameter->window += parameter->window / 2; /* the indicator needs time to settle with another l */
       *next = LATIN_NEXT_REBUILD;
       PetscFunctionReturn(0);
     }
@@ -142,7 +144,7 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinPa
   PetscFunctionReturn(0);
 }
 
-/* The state z, of which F = z - G(z) has just been computed, for l times the factor: the same forces, elongations and displacements. Collective on latin */
+/* Converts the state z to l times the factor: same forces, elongations and displacements. F = z - G(z) must have just been computed. Collective on latin */
 PetscErrorCode LatinParameterState_Private(Latin latin, Vec z, Vec F, PetscReal factor)
 {
   const PetscReal   *pull  = latin->linear.pull;
@@ -164,13 +166,13 @@ PetscErrorCode LatinParameterState_Private(Latin latin, Vec z, Vec F, PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Search parameters that are ours, times the factor, for all that is to be built again. Collective on latin */
+/* Multiplies automatic search parameters by the factor, and marks the operators for a rebuild. Collective on latin */
 PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
 {
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &latin->tuning_state));
   latin->tuning *= factor;
   latin->stale = PETSC_TRUE;
-  PetscCall(PetscInfo(latin, "The search parameter of rigid links becomes %g times what it was\n", (double)factor));
+  PetscCall(PetscInfo(latin, "Search parameter of rigid links multiplied by %g\n", (double)factor));
   PetscFunctionReturn(0);
 }

@@ -1,13 +1,13 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   SNES latin: set-up, and a solve from the state that it starts from to what ends it: the iteration (snes/fixedpoint.c), or
-   Newton's method after it (snes/newton.c). No mathematics of the method here: see core/latin.c and the stages that it calls.
+   SNES latin: set-up, and the course of a solve: initial state, iteration (snes/fixedpoint.c), Newton's method after it
+   (snes/newton.c), diagnosis. For the mathematics of the method see core/latin.c and the stages that it calls.
 */
 
-#define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept: 32 MB */
-#define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
-#define LATIN_NEWTON_AFTER  1000    /* linear stages after Newton's method has failed without rigid links: there is no equilibrium, as a rule */
+#define LATIN_HISTORY       1000000 /* most linear stages in the history of indicator and errors: 32 MB */
+#define LATIN_DIGITS_SAFETY 2.0     /* safety factor on errors known to their order of magnitude */
+#define LATIN_NEWTON_AFTER  1000    /* most linear stages after a failure of Newton's method without rigid links: usually there is no equilibrium */
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
@@ -23,11 +23,11 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
   PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
   PetscCall(SNESLatinSetUpState_Private(snes));
-  PetscCall(SNESLatinOuterSetUp_Private(snes)); /* nothing is allocated inside the iteration */
+  PetscCall(SNESLatinOuterSetUp_Private(snes)); /* allocates before the iteration */
   PetscFunctionReturn(0);
 }
 
-/* What the stop auto stands for. A step tolerance that is given is the indicator's; where there is nothing to iterate on it shows the error */
+/* Resolves the stop auto: the indicator if a step tolerance is given, if the problem is linear (there it shows the error), or with rigid links in single precision; else the error */
 static void SNESLatinChooseStop(SNES snes)
 {
   SNES_Latin     *data   = (SNES_Latin *)snes->data;
@@ -37,7 +37,7 @@ static void SNESLatinChooseStop(SNES snes)
   if (data->asked == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
 }
 
-/* Room for the history: nothing is allocated inside the iteration; and the counters of a solve */
+/* Before a solve: checks options, allocates the history, resets counters. Collective on snes */
 static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -74,11 +74,11 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* An error asked for that may be below what rounding leaves: has Newton's method reached it, as far as this precision shows? */
+/* Is the error of Newton's method above the rounding of this precision? Else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* tensions that do not follow from displacements have no digits to look at */
+  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* LatinGetDigits() needs tensions that are functions of displacements */
   PetscReal       unbalance, rounding, size, least;
 
   PetscFunctionBegin;
@@ -92,15 +92,15 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
       (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame)
     PetscFunctionReturn(0);
   if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
-  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);   /* slack links that keep a little hide how soft nodes are */
-  data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
-  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a step of a motion that has come to rest is one as far as rounding lets it */
+  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);   /* the tangent stiffness left in slack links hides soft nodes */
+  data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
+  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
   data->next = LATIN_NEXT_ROUNDING;
-  PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.value));
+  PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
 }
 
-/* The displacements of Newton's method are the solution unless forces say otherwise: then *done is false */
+/* Accepts the displacements of Newton's method, unless the unbalance contradicts them: then *done is false. Collective on snes */
 static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason reason, PetscBool *done)
 {
   SNES_Latin  *data   = (SNES_Latin *)snes->data;
@@ -118,7 +118,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
-  if (shown) PetscCall(PetscInfo(snes, "Newton's method ends where the unbalance shows an error of %g at least\n", (double)data->found.error)); /* a search that stands still, or a linear solve that has not seen it */
+  if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a stagnant line search, or a linear solve that has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next) && SNESLatinHides(snes)) data->next = LATIN_NEXT_ROUNDING;
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
@@ -126,7 +126,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
-/* The norm of the forces without balance that a claim may leave: of the loads, and, with operators of the iteration or without loads, of the tensions, which are wrong by as much. Collective on snes */
+/* Largest unbalance at convergence, relative to the loads; with operators of the iteration or without loads also relative to the tensions, whose error it bounds. Collective on snes */
 static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -135,7 +135,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscRea
 
   PetscFunctionBegin;
   *balance = PETSC_MAX_REAL;
-  if (!SNESLatinBalances(snes) || (structure->rigid_law >= 0 && !structure->rubs)) PetscFunctionReturn(0); /* springs of rigid links round more than their tensions do */
+  if (!SNESLatinBalances(snes) || (structure->rigid_law >= 0 && !structure->rubs)) PetscFunctionReturn(0); /* the springs of rigid links cause more rounding than their tensions */
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinStructureTensions_Private(structure, NULL, snes->vec_sol, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
@@ -147,7 +147,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Where Newton's method starts: from the iterate, or from rest where the iterate leaves more without balance. Collective on snes */
+/* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller. Collective on snes */
 static PetscErrorCode SNESLatinNearer_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -171,7 +171,7 @@ static PetscErrorCode SNESLatinNearer_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Newton's method from here on; where it fails near the solution it starts again with operators of its own, and where those fail the iteration goes on from where it was */
+/* Newton's method after the iteration. If it fails with operators of the iteration, it restarts with the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes */
 static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 {
   SNES_Latin         *data   = (SNES_Latin *)snes->data;
@@ -197,7 +197,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->limit          = snes->max_its - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
-  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
+  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* the estimated error is small */
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
   PetscCall(SNESLatinLeaves_Private(snes, own, &newton->balance));
@@ -225,12 +225,12 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
-  data->next = LATIN_NEXT_ROUNDING; /* what Newton's method was to confirm it has not */
-  PetscCall(PetscInfo(snes, "Newton's method has not confirmed that the iteration converges\n"));
+  data->next = LATIN_NEXT_ROUNDING; /* convergence is unproven: Newton's method has failed */
+  PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
   PetscFunctionReturn(0);
 }
 
-/* Rigid links with another search parameter: all is built again. The state goes on, or the solve starts anew where links have a stiffness */
+/* Rebuilds the operators with another search parameter of rigid links. Rigid links alone: the converted state continues; beside elastic links the solve restarts. Collective on snes */
 static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -242,7 +242,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
     PetscCall(PetscObjectReference((PetscObject)z));
     PetscCall(SNESLatinOuterSetUp_Private(snes));
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
-    PetscCall(SNESLatinFixedPoint_Private(data->outer, z, F, snes)); /* the inner SNES may have been elsewhere */
+    PetscCall(SNESLatinFixedPoint_Private(data->outer, z, F, snes)); /* the last evaluation of the inner SNES may be at another state */
     PetscCall(LatinParameterState_Private(data->latin, z, F, data->parameter.factor));
   }
   PetscCall(LatinParameterTune_Private(data->latin, data->parameter.factor));
@@ -259,7 +259,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Where a solve has not converged its estimates, which compare iterates, are no less than what forces show; those of contacts that have left for far away bear any number of loads. Collective on snes */
+/* Not converged: estimates compare iterates and may be too small; raises them to the errors that the unbalance shows. With friction the unbalance is compared with the loads: tensions of a diverged iterate may be far larger. Collective on snes */
 static PetscErrorCode SNESLatinLift_Private(SNES snes)
 {
   SNES_Latin             *data     = (SNES_Latin *)snes->data;
@@ -269,7 +269,7 @@ static PetscErrorCode SNESLatinLift_Private(SNES snes)
 
   PetscFunctionBegin;
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
-  PetscCall(SNESLatinBalance_Private(snes)); /* with the tensions that the diagnosis leaves */
+  PetscCall(SNESLatinBalance_Private(snes)); /* with the tensions after the diagnosis */
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   estimate->value = PetscMax(estimate->value, found->error);
   if (estimate->tensions < 0.0) PetscFunctionReturn(0);
@@ -278,7 +278,7 @@ static PetscErrorCode SNESLatinLift_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Where a solve has not converged: unsupported nodes, jammed links */
+/* Diagnosis of a solve without convergence: unsupported nodes, jammed links, rounding. Collective on snes */
 static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
@@ -293,9 +293,9 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   else if (found->verdict != LATIN_JAMMED && !(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
-    found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
+    found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance */
     PetscCall(SNESLatinFallen_Private(snes, &fallen));
-    if (fallen && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse: displacements hide what it is short of */
+    if (fallen && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance */
     if (snes->max_its >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
@@ -311,7 +311,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* All that follows from the start, until an end */
+/* Iteration and Newton's method, until data->next is an end. Collective on snes */
 static PetscErrorCode SNESLatinRun_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -322,7 +322,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscCall(SNESLatinStart_Private(snes));
   if (SNESLatinLarge(data)) {
     PetscCall(SNESLatinLargeRigid_Private(snes));
-    PetscCall(SNESLatinLargeState_Private(snes)); /* that the next solve starts from */
+    PetscCall(SNESLatinLargeState_Private(snes)); /* for a warm start */
     PetscFunctionReturn(0);
   }
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
@@ -341,7 +341,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
 
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
-  PetscCall(SNESLatinFindStructure_Private(snes, &structure)); /* it may have changed since SNESSetUp() */
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure)); /* may have changed since SNESSetUp() */
   PetscCall(SNESLatinFollowDM_Private(snes, structure));
   PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_sol));
   if (snes->vec_rhs) PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_rhs));
@@ -407,20 +407,20 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   unilateral (cables that slacken, contacts that open)
 
   Options Database Keys:
-+ -snes_latin_variant <auto>                    - what of the interfaces is in the coarse problem: all (primal), corners, weak interfaces (macro), none, published; auto: primal, or corner where most subdomains repeat others
++ -snes_latin_variant <auto>                    - interface unknowns of the coarse problem: all (primal), corners, weak interfaces (macro), none, published; auto: primal, or corner if most subdomains are repeated
 . -snes_latin_subdomains <0>                    - number of subdomains, 0: automatic
 . -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
 . -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
 . -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
-. -snes_latin_stop <auto>                       - what must become small: indicator, residual, reference, error, energy; auto: the error, or the indicator where -snes_stol is given
+. -snes_latin_stop <auto>                       - convergence criterion: indicator, residual, reference, error, energy; auto: the error, or the indicator if -snes_stol is given
 . -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
 . -snes_latin_tension_error                     - estimated error of the tensions to stop at, by default that of the displacements
-. -snes_latin_balance <0.01>                    - forces without balance to stop at, relative to the loads
-. -snes_latin_largest_unbalance <0>              - force without balance that a node may be left with, 0: any
-. -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
-. -snes_latin_newton <auto>                      - Newton's method: where the iteration stalls, and to prove an error (auto), or never
-. -snes_latin_monitor                           - prints the indicator of each iteration
-. -snes_latin_outer_snes_type <anderson>        - acceleration, or nrichardson, the plain iteration
+. -snes_latin_balance <0.01>                    - unbalanced forces to stop at, relative to the loads
+. -snes_latin_largest_unbalance <0>              - unbalanced force on a node to stop at, 0: any
+. -snes_latin_warm_start <none>                 - initial state: solution vector (none), last state (last), the last two extrapolated (extrapolate)
+. -snes_latin_newton <auto>                      - Newton's method on stagnation and to prove an error (auto), or never
+. -snes_latin_monitor                           - prints the indicator of each linear stage
+. -snes_latin_outer_snes_type <anderson>        - Anderson acceleration, or nrichardson, the plain fixed-point iteration
 . -snes_latin_newton_                           - prefix of the SNES of Newton's method
 . -snes_latin_local_                            - prefix of the KSP of the subdomains
 . -snes_latin_coarse_                           - prefix of the KSP of the coarse problem
@@ -432,18 +432,16 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   Notes:
   The structure comes from `LatinStructureAttachSNES()`. The iteration number counts linear stages.
 
-  A solution vector that is not zero is the initial guess, unless the solve starts warm: links bear what their laws make of
-  it (rigid ones nothing), interfaces what the subdomains then leave without balance. A zero one is the prestressed
-  configuration.
+  A nonzero solution vector is the initial guess, unless the solve starts warm: the initial tensions of links follow from their laws
+  (zero in rigid links), those of interfaces balance the subdomains. A zero solution vector means the prestressed configuration.
 
-  As a nonlinear preconditioner (`-npc_snes_type latin -npc_snes_max_it 3`) or in a `SNESCOMPOSITE` it does so many linear
-  stages from the displacements that it is given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts.
+  As a nonlinear preconditioner (`-npc_snes_type latin -npc_snes_max_it 3`) or in a `SNESCOMPOSITE` the SNES takes `-snes_max_it` linear
+  stages from the displacements given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts.
 
-  `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. It is computed during the
-  iteration only where there is a monitor, a history, or a test or an update of the user's; so is the current solution. The indicator has
-  a monitor of its own. A test given to `SNESSetConvergenceTest()` decides in the place of the stop. A function given to
-  `SNESSetUpdate()` is called before each linear stage; what it changes counts from the next solve on. `-snes_rtol` and `-snes_atol`
-  are of `-snes_latin_stop residual` alone.
+  `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. During the iteration it and the
+  solution are computed only for a monitor, a history, or the user's test or update. `-snes_latin_monitor` prints the indicator.
+  A test given to `SNESSetConvergenceTest()` replaces the stop. A function given to `SNESSetUpdate()` is called before each linear
+  stage; its changes take effect in the next solve. `-snes_rtol` and `-snes_atol` apply to `-snes_latin_stop residual` alone.
 
 .seealso: `LatinStructureCreate()`, `LatinStructureAttachSNES()`, `PCLATIN`
 M*/

@@ -1,5 +1,5 @@
 /*
-   SNES latin: the solver around the fixed-point map of core/latin.c. What ends its iteration, and what takes over from it.
+   SNES latin: the solver around the fixed-point map of core/latin.c: its iteration, stops and Newton's method.
 */
 #ifndef SNESLATINIMPL_H
 #define SNESLATINIMPL_H
@@ -10,19 +10,19 @@
 /* ---- what happens next in a solve (snes/convergence.c, snes/sneslatin.c) ---- */
 typedef enum {
   LATIN_NEXT_CONTINUE,
-  LATIN_NEXT_CONVERGED,           /* what the stop is on is small enough, or nothing changes any more */
-  LATIN_NEXT_CONVERGED_FNORM,     /* the unbalance is, relative to the first one */
-  LATIN_NEXT_CONVERGED_FNORM_ABS, /* the unbalance is */
-  LATIN_NEXT_NEWTON_FINISH,       /* Newton's method, from near the solution */
-  LATIN_NEXT_NEWTON_STALL,        /* Newton's method, since the iteration stalls */
-  LATIN_NEXT_REBUILD,             /* the iteration, with other search parameters: all is built again */
-  LATIN_NEXT_ROUNDING,            /* end: rounding hides the way to what was asked for */
-  LATIN_NEXT_DIVERGED,            /* end: without an equilibrium, or away from it */
-  LATIN_NEXT_LINE_SEARCH,         /* end: the search of Newton's method stands still */
+  LATIN_NEXT_CONVERGED,           /* the measure of the stop has reached its target, or all change is rounding */
+  LATIN_NEXT_CONVERGED_FNORM,     /* the unbalance has, relative to the initial one */
+  LATIN_NEXT_CONVERGED_FNORM_ABS, /* the unbalance has, in absolute terms */
+  LATIN_NEXT_NEWTON_FINISH,       /* Newton's method near the solution */
+  LATIN_NEXT_NEWTON_STALL,        /* Newton's method, on a stall */
+  LATIN_NEXT_REBUILD,             /* the iteration with other search parameters and new operators */
+  LATIN_NEXT_ROUNDING,            /* end: rounding prevents the accuracy asked for */
+  LATIN_NEXT_DIVERGED,            /* end: no equilibrium, or divergence */
+  LATIN_NEXT_LINE_SEARCH,         /* end: the line search of Newton's method stagnates */
   LATIN_NEXT_MAX_IT,              /* end: too many linear stages */
   LATIN_NEXT_FAILED,              /* end: a local or coarse solver failed */
-  LATIN_NEXT_NOT_FINITE,          /* end: numbers are not finite */
-  LATIN_NEXT_GIVEN                /* end: for the reason of the user's test, or of the inner SNES */
+  LATIN_NEXT_NOT_FINITE,          /* end: infinite or NaN */
+  LATIN_NEXT_GIVEN                /* end: reason of the user's test or of the inner SNES */
 } LatinNext;
 
 static inline PetscBool LatinNextConverged(LatinNext next)
@@ -31,53 +31,53 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 }
 
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
-#define LATIN_JAM_LEAST   100  /* linear stages that a solve may take: fewer, of a nonlinear preconditioner, show no jammed links and no lost digits */
-#define LATIN_FALL_WINDOW 20   /* linear stages after which contacts with friction are asked whether they have let go */
-#define LATIN_NEWTON_FAR  1e-7 /* of the loads: forces that displacements larger than the structure may leave without balance */
+#define LATIN_JAM_LEAST   100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages, of a nonlinear preconditioner, show neither */
+#define LATIN_FALL_WINDOW 20   /* linear stages between two tests for a collapse of contacts with friction */
+#define LATIN_NEWTON_FAR  1e-7 /* largest unbalance, relative to the loads, of displacements larger than the structure */
 
 typedef struct {
   LatinNewtonType type;
   /* when it takes over in this solve */
-  PetscBool finish, stall; /* near the solution; where the iteration stalls */
-  PetscBool grains;        /* links are rigid, and rub (snes/grains.c) */
-  PetscBool contrast;      /* stiffnesses too different for convergence of the iteration to be trusted */
+  PetscBool finish, stall; /* near the solution; on a stall */
+  PetscBool grains;        /* rigid links alone, with friction (snes/grains.c) */
+  PetscBool contrast;      /* large contrast of stiffnesses: convergence of the iteration needs a proof */
   PetscInt  seen;          /* linear stages of this solve */
-  PetscInt  most;          /* linear stages predicted: more, and the iteration stalls */
+  PetscInt  most;          /* most linear stages predicted: with more, the iteration stalls */
   PetscInt  last;          /* most linear stages of this solve */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* the method */
   SNES             snes;             /* NULL before the first time */
-  PetscBool        tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
+  PetscBool        tangent;          /* preconditioner built from the tangent stiffness, not from the operators of the iteration */
   Latin            latin;            /* borrowed */
-  LatinStructure   structure;        /* borrowed: another one makes another SNES */
-  Vec              reference;        /* borrowed: stop on the error against it, or NULL */
+  LatinStructure   structure;        /* borrowed: another one needs another SNES */
+  Vec              reference;        /* borrowed: reference solution of the stop, or NULL */
   PetscReal        target, residual; /* relative error of the displacements, norm of the residual to stop at */
   PetscReal        tension_target;   /* relative error of the tensions to stop at */
-  PetscReal        balance, loads;   /* norms of the residual to stop at with that error, and of the loads */
-  PetscBool        energy;           /* the error is that of the energy norm */
+  PetscReal        balance, loads;   /* largest residual norm with that error; norm of the loads */
+  PetscBool        energy;           /* error in the energy norm, else l2 */
   PetscReal        size;             /* l2 norm of the displacements */
-  PetscReal        rtol;             /* of a linear solve while links change */
-  PetscReal        first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
+  PetscReal        rtol;             /* rtol of a linear solve while links change */
+  PetscReal        first, left;      /* of a linear solve: initial residual norm, relative residual */
   PetscReal        floor;            /* least tangent stiffness of a link */
-  PetscInt         small;            /* steps of the error asked for at most, none larger than the one before it */
-  PetscReal        slope;            /* of the energy along the last step, at its end, relative to that at its start */
-  PetscBool        proves;           /* a claim needs a correction that is as small */
-  PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
-  PetscReal        gap;              /* squares of what rigid links that bear miss of their gaps */
+  PetscInt         small;            /* steps in a row that are below the error asked for and do not grow */
+  PetscReal        slope;            /* slope of the energy along the last step at its end, relative to that at its start */
+  PetscBool        proves;           /* convergence needs an a posteriori error (snes/correction.c) below the target */
+  PetscReal        doubt;            /* safety factor on the relative residual: ratio of a posteriori errors to the target */
+  PetscReal        gap;              /* sum of squared gap errors of rigid links with tension */
   PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
   PetscReal        error;            /* estimated or measured error of the last step */
-  PetscReal        known;            /* relative error that the displacements before a step are known to have at most; 0: not known */
+  PetscReal        known;            /* bound on the relative error of the displacements before a step; 0: not known */
   PetscBool        linear;           /* no link can become slack */
   PetscInt         changes;          /* links that the last step has changed */
   PetscInt         steps, stages;    /* of this solve: Newton steps, linear stages */
-  PetscInt         before;           /* Newton steps before the method started for the last time */
-  PetscInt         limit;            /* of these stages */
-  PetscInt         still;            /* steps in a row whose search has stood still */
-  PetscBool        asked;            /* whether there is an equilibrium at all */
-  LatinEquilibrium found;            /* the answer, and where there is none the nodes that move */
+  PetscInt         before;           /* Newton steps of this solve before the current run */
+  PetscInt         limit;            /* most linear stages of Newton's method */
+  PetscInt         still;            /* consecutive steps with a stagnant line search */
+  PetscBool        asked;            /* the search for a collapse has been done in this solve */
+  LatinEquilibrium found;            /* its verdict; without an equilibrium the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension, *bound;
-  PetscBool  sticks; /* the last problem solved has contacts with friction without bound */
+  PetscBool  sticks; /* the last problem solved has sticking contacts: friction without bound */
 } LatinNewton;
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
@@ -95,17 +95,17 @@ PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinCorrected_Private(PC, PetscBool corrected);
 
-/* ---- the search parameter of rigid links where the iteration stalls (snes/searchparameter.c) ---- */
-#define LATIN_PARAMETER_PAST 4 /* windows of linear stages that show a stall */
+/* ---- adaptive search parameter of rigid links (snes/searchparameter.c) ---- */
+#define LATIN_PARAMETER_PAST 4 /* windows of linear stages over which a stall is detected */
 typedef struct {
-  PetscBool  alone;                           /* no link has a stiffness of its own: the state goes on with another parameter */
-  PetscBool  beside;                          /* links beside rigid ones do: these are to have the stiffness that those show */
-  PetscInt   again;                           /* times that they have got another one in this solve */
-  PetscInt   seen, window;                    /* linear stages with this parameter; from one look to the next */
+  PetscBool  alone;                           /* rigid links alone: the iteration continues from the converted state */
+  PetscBool  beside;                          /* rigid links beside elastic ones: the parameter becomes the measured stiffness, and the solve restarts */
+  PetscInt   again;                           /* changes beside elastic links in this solve */
+  PetscInt   seen, window;                    /* linear stages with this parameter; stages of a window */
   PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
-  PetscReal  sum[2];                          /* squares of the changes of tensions and elongations in this window, here */
+  PetscReal  sum[2];                          /* squared changes of tensions and of elongations in this window, on this rank */
   PetscReal *tension, *stretch;               /* [nonsmooth] of the last local stage: tau_hat, l e_hat */
-  PetscReal  factor;                          /* of the parameter wanted next */
+  PetscReal  factor;                          /* next parameter, relative to the current one */
 } LatinParameter;
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
@@ -113,54 +113,54 @@ PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, 
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
-/* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
-#define LATIN_LARGE_HOLD   0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
-#define LATIN_LARGE_HELD   0.03 /* the same where laws go on as straight lines; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
-#define LATIN_LARGE_SAFETY 4.0  /* on the error that is left */
-/* Supports that move along a path (snes/largesupports.c) */
+/* ---- large displacements: frame and course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
+#define LATIN_LARGE_HOLD   0.3  /* stiffness of slack cables, relative to the mean tension over length, per relative step; with 0.1 and 1 masts take more stages */
+#define LATIN_LARGE_HELD   0.03 /* the same with linearised laws; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
+#define LATIN_LARGE_SAFETY 4.0  /* safety factor on the error after a step */
+/* Moving supports along a load path (snes/largesupports.c) */
 typedef struct {
-  PetscBool  moves;                       /* they do: else nothing is filled */
-  PetscReal  part;                        /* of the path, where they are now */
-  PetscReal *given, *moved;               /* [nodes_local][dim] prescribed displacements, and how far they are from where the path starts */
+  PetscBool  moves;                       /* supports move; else the members below are unset */
+  PetscReal  part;                        /* current position on the path */
+  PetscReal *given, *moved;               /* [nodes_local][dim] prescribed displacements; their change since the start of the path */
   PetscReal *vertex_given, *vertex_moved; /* [vertices][dim] the same */
 } LatinSupports;
 typedef struct {
-  LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
-  PetscBool      given;    /* a geometry, by an option */
-  LatinGeometry  geometry; /* this one */
+  LatinStructure frame;    /* replaces the structure in the iteration (structure/frame.c); NULL: geometry linear */
+  PetscBool      given;    /* a geometry is given by an option */
+  LatinGeometry  geometry; /* that geometry */
   /* of this solve */
-  PetscInt  renewals;      /* operators made at other displacements */
-  PetscInt  seen, window;  /* linear stages since the last look at their progress; from one look to the next */
+  PetscInt  renewals;      /* rebuilds of the operators at other displacements */
+  PetscInt  seen, window;  /* linear stages in this window; stages of a window */
   PetscReal least, before; /* least measure of this window and of the last one */
-  PetscReal near;          /* estimated error from which on Newton's method is tried */
-  PetscReal cost;          /* linear stages that take as long as a set-up */
-  PetscBool inside;        /* the last solve of a path has gone to the interior-point method */
-  PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
-  PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
+  PetscReal near;          /* estimated error below which Newton's method is tried */
+  PetscReal cost;          /* cost of a set-up, in linear stages */
+  PetscBool inside;        /* the last solve of a path has used the interior-point method */
+  PetscBool stateless;     /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
+  PetscBool crept;         /* Newton's method has failed: it is tried again only near the solution */
   /* of Newton's method */
-  Vec        between[2];    /* equilibria between which it starts, NULL: strains are then between theirs, for those of a guess are wrong by what links have turned */
-  PetscReal  part;          /* of the way to the second one */
-  PetscReal *start;         /* [2][links_local of the structure] tensions and strains where it starts, or NULL: those of the displacements, or between */
-  PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
-  PetscReal  error;         /* estimated, after a step */
-  PetscReal  force;         /* norm of the residual of the laws there */
-  PetscReal  first_step[2]; /* of a run, relative to the displacements, and the change of the tensions by it */
-  PetscReal  shown[2];      /* the same from where the iteration was */
-  PetscReal  first;         /* norm of the residual at the start of a linear solve */
-  PetscInt   limit;         /* most iterations of one */
-  PetscInt   proofs;        /* linear stages that have shown the error of a step */
+  Vec        between[2];    /* two equilibria, NULL: none; initial strains are interpolated between theirs, since those of an interpolated guess are wrong by the rotations */
+  PetscReal  part;          /* interpolation parameter between them: 0 the first, 1 the second */
+  PetscReal *start;         /* [2][links_local of the structure] initial tensions and strains, or NULL: of the displacements, or interpolated */
+  PetscReal *ahead;         /* [2][links_local of the structure] tensions ahead of the displacements, from linearised strains, and these strains; NULL in time steps */
+  PetscReal  error;         /* estimated error after a step */
+  PetscReal  force;         /* residual norm of the laws there */
+  PetscReal  first_step[2]; /* first step of a run: length relative to the displacements, relative change of the tensions */
+  PetscReal  shown[2];      /* the same of the run from the last iterate of the iteration */
+  PetscReal  first;         /* initial residual norm of a linear solve */
+  PetscInt   limit;         /* most iterations of a linear solve */
+  PetscInt   proofs;        /* linear stages spent on residual norms that prove the error of a step */
   PetscReal  stretch;       /* relative change of the tensions by a step */
-  PetscReal  balance;       /* norm of the residual to stop at with that error */
+  PetscReal  balance;       /* largest residual norm with that error */
   PetscReal  size, tension; /* of the structure; norm of its tensions at the start */
   PetscInt   last;          /* number of the last linear stage for these loads */
-  PetscReal  reached;       /* part of the loads that the displacements bear */
-  Vec        solution;      /* at the end of the last path: displacements, */
-  PetscReal *held;          /* and [nodes_local][dim] prescribed ones */
-  PetscInt   most;          /* linear iterations that it may take */
-  PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step, */
-  PetscInt   softer;        /* and those that this has taken stiffness from */
-  PetscBool  iterated;      /* it starts where the iteration has ended */
-  PetscBool  slow;          /* they were too few */
+  PetscReal  reached;       /* part of the loads of which the displacements are the equilibrium */
+  Vec        solution;      /* end of the last path: displacements, */
+  PetscReal *held;          /* and prescribed ones, [nodes_local][dim] */
+  PetscInt   most;          /* most linear iterations */
+  PetscInt   changed;       /* after its last step: links whose stiffness differs from that of the operators, */
+  PetscInt   softer;        /* and links that this step has softened */
+  PetscBool  iterated;      /* it starts from the last iterate of the iteration */
+  PetscBool  slow;          /* the last run has reached its iteration limit */
   PetscBool  unstable;      /* the tangent stiffness is not positive definite */
 
   LatinSupports supports;
@@ -171,30 +171,30 @@ typedef struct {
 typedef struct {
   Latin             latin;
   SNES              outer;          /* solves z - G(z) = 0 */
-  char              outer_type[64]; /* the type that has our defaults */
-  PetscBool         outer_rigid;    /* those for structures with rigid laws */
+  char              outer_type[64]; /* the SNES type whose defaults have been set */
+  PetscBool         outer_rigid;    /* with the defaults of structures with rigid laws */
   Vec               z;
-  LatinStopType     asked, stop;    /* the stop, and what is made of it in this solve */
-  PetscBool         given;          /* a step tolerance, by an option */
+  LatinStopType     asked, stop;    /* the stop asked for; that of this solve */
+  PetscBool         given;          /* -snes_stol is given */
   PetscReal         target;         /* estimated error to stop at */
-  PetscBool         chosen;         /* by the user */
-  PetscReal         tension_target; /* the same of the tensions, or PETSC_DEFAULT */
-  PetscReal         balance;        /* forces without balance to stop at, relative to the loads */
-  PetscReal         unbalance;      /* the same as a force, 0: any */
+  PetscBool         chosen;         /* target set by the user */
+  PetscReal         tension_target; /* the same for tensions, or PETSC_DEFAULT */
+  PetscReal         balance;        /* unbalance to stop at, relative to the loads */
+  PetscReal         unbalance;      /* unbalance to stop at, a force; 0: any */
   LatinEstimate     estimate;
-  PetscBool         guess; /* this solve starts from the displacements in the solution vector */
+  PetscBool         guess; /* the solution vector is the initial guess of this solve */
   LatinWarmStart    warm;
   PetscBool         has_state; /* the last solve has converged */
-  Vec               z_before;  /* where the solve before the last one ended, NULL or not yet filled */
+  Vec               z_before;  /* final state of the solve before the last one; NULL or unset without has_before */
   PetscBool         has_before;
-  Vec               reference; /* displacements to compare with, or NULL */
+  Vec               reference; /* reference displacements, or NULL */
   PetscReal        *reference_copy;
   PetscInt          history_size, done;
   PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
-  PetscBool         leapt;   /* the last distance was beyond the divergence tolerance */
-  PetscInt          tested;  /* linear stages that the convergence test has seen */
-  PetscInt          current; /* those after which the solution vector and its residual were computed, -1: never */
+  PetscBool         leapt;   /* the last distance exceeded the divergence tolerance */
+  PetscInt          tested;  /* number of the last linear stage tested */
+  PetscInt          current; /* number of the linear stage at which the solution vector and its residual were computed, -1: never */
   LatinNext         next;
   LatinNewton       newton;
   LatinLarge        large;
@@ -203,7 +203,7 @@ typedef struct {
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;
 } SNES_Latin;
-/* Do links turn as far as displacements take them? */
+/* Geometry large: does the frame have parts with rotating directions? */
 static inline PetscBool SNESLatinLarge(const SNES_Latin *data)
 {
   return (PetscBool)(data->large.frame && data->large.frame->part);
@@ -218,12 +218,12 @@ static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)
 {
   return (PetscBool)(data->stop == LATIN_STOP_ERROR || data->stop == LATIN_STOP_ENERGY);
 }
-/* Is there a step tolerance of the user's? */
+/* Has the user given a step tolerance? */
 static inline PetscBool SNESLatinStolGiven(SNES snes)
 {
   return (PetscBool)(((SNES_Latin *)snes->data)->given || snes->stol != LATIN_STOL);
 }
-/* Is what the stop claims compared with the loads? Where the stop is one of PETSc's tolerances these alone count, and in a motion inertia bears loads */
+/* Does convergence need balance relative to the loads? Not with PETSc's tolerances, which decide alone, and not in motions, where inertia balances loads */
 static inline PetscBool SNESLatinBalances(SNES snes)
 {
   const SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -231,21 +231,21 @@ static inline PetscBool SNESLatinBalances(SNES snes)
   return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
 
-/* The force without balance to stop at */
+/* The unbalance to stop at, a force */
 static inline PetscReal SNESLatinUnbalance(const SNES_Latin *data)
 {
   return data->unbalance > 0.0 ? data->unbalance : PETSC_MAX_REAL;
 }
 
-/* Does the last verdict on the displacements leave more forces without balance than was asked for? */
+/* Is the unbalance of the last check larger than asked for? */
 static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
 {
   return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
-#define LATIN_HIDES 1e-2 /* of the loads: what rounding may hide of the forces without balance */
+#define LATIN_HIDES 1e-2 /* largest rounding of the unbalance, relative to the loads */
 
-/* Does rounding of large displacements hide more? Then balance is not known: the solve ends with the digits lost */
+/* Does rounding of large displacements hide the unbalance? Then the solve ends with LATIN_NEXT_ROUNDING */
 static inline PetscBool SNESLatinHides(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
@@ -292,7 +292,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 #define LATIN_PATH_TANGENTS 4 /* times that Newton's method gets operators of the tangent stiffness in one increment */
 PETSC_INTERN PetscErrorCode SNESLatinLargeProof_Private(SNES, Vec u, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
-/* how far nodes move (snes/largenodes.c) */
+/* displacements of nodes on a path (snes/largenodes.c) */
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
@@ -325,11 +325,11 @@ PETSC_INTERN PetscErrorCode SNESSetFromOptions_Latin(SNES, LatinOptionItems);
 PETSC_INTERN PetscErrorCode SNESLatinRigidTensions_Private(SNES, const PetscReal *rigid[]);
 PETSC_INTERN PetscErrorCode SNESView_Latin(SNES, PetscViewer);
 
-/* ---- TS latin (ts/tslatin.c), for the states of state/ as well ---- */
+/* ---- TS latin (ts/tslatin.c, state/) ---- */
 typedef struct {
-  LatinStructure    step;    /* borrowed: the structure as a time step sees it */
+  LatinStructure    step;    /* borrowed: the structure of a time step */
   Vec               w;       /* h v+ */
-  PetscBool         started; /* w is that of a step done */
+  PetscBool         started; /* w is of a completed step */
   PetscInt          iterations;
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;

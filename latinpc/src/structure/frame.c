@@ -2,34 +2,34 @@
 #include "structure/turning.h"
 
 /*
-   Links that turn, as a structure of links that do not: its parts. Each link of the base, between the same nodes, becomes dim links
-   with directions at right angles, first along the link, then across it. So operators, subdomains and interfaces are those of any
-   structure, and what is new is in the local stage (stages/localturning.c).
+   The frame: a structure with fixed directions that represents rotating links. Each link of the base becomes dim parts between the
+   same nodes, with orthogonal directions, first along the link, then across it. So operators, subdomains and interfaces are those of any
+   structure; only the local stage differs (stages/localturning.c).
 
-   prestress  the part along the link has its law; those across it are bars of the stiffness t0 / l. This is the whole problem.
-   large      the parts are the components of a search direction E = k n n^t + c (1 - n n^t) of the link, whose law acts on all
-              of them together.
+   prestress  the part along the link has its law; those across it are bars of the stiffness t0 / l. The frame is the exact problem.
+   large      the parts are the components of a search direction E = k n n^t + c (1 - n n^t) of the link, whose law couples all
+              of them.
 
-   The search direction is that of a configuration u, as drawn at first. A taut link has the stiffness of its law and c = tau / R,
-   which is its tangent; before the loads act c is to be larger, for tensions grow with the displacements. A slack cable has no
-   stiffness, and on its way to it or from it any number between: it gets LATIN_FRAME_SLACK times the mean c of the others, whose
-   displacements it is to follow. The figures below are of saddles with tensions of 1e-4 to 1e-2 of the stiffness.
+   The search direction belongs to a configuration u, at first as drawn. A taut link has its tangent: k of its law and c = tau / R;
+   before the loads act, c is larger, since tensions grow with the displacements. A slack cable has no stiffness, and while it slackens or
+   tightens any between zero and k: it gets LATIN_FRAME_SLACK times the mean c of the taut links, whose displacements it must follow.
+   The figures below are from saddles with tensions of 1e-4 to 1e-2 of the stiffness.
 
-   An inextensible cable is a cable in the frame, of a penalty stiffness p, and longer by -lambda / p: it bears max(0, lambda + p x)
-   (snes/largerigid.c); a contact its mirror image. A link that keeps its direction bears nothing across it: c is but a floor.
+   An inextensible cable is a cable in the frame, with a penalty stiffness p and a strain larger by lambda / p: its tension is max(0, lambda + p x)
+   (snes/largerigid.c). A contact is its mirror image. A link with a fixed direction has no force across it: c is only a floor.
 */
 
-#define LATIN_FRAME_FIRST   4.0   /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
-#define LATIN_FRAME_LEAST   0.3   /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
-#define LATIN_FRAME_SLACK   2.0   /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
-#define LATIN_FRAME_NEAR    0.1   /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
-#define LATIN_FRAME_FLOOR   1e-6  /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
-#define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique in the local stage */
-#define LATIN_FRAME_NONE    1e-3  /* c where nothing is taut, relative to the mean stiffness */
-#define LATIN_FRAME_PENALTY 100.0 /* times the stiffness beside an inextensible cable, at first */
-#define LATIN_FRAME_LOWEST  1e-5  /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
+#define LATIN_FRAME_FIRST   4.0   /* c as drawn, relative to tau / R: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
+#define LATIN_FRAME_LEAST   0.3   /* least c, relative to the mean of taut links; no difference from 0.1 to 0.3, with 0.03 seven saddles take a tenth more stages */
+#define LATIN_FRAME_SLACK   2.0   /* k of a slack or nearly slack cable, relative to that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
+#define LATIN_FRAME_NEAR    0.1   /* largest tension over length of a nearly slack cable, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
+#define LATIN_FRAME_FLOOR   1e-6  /* least k and c in the tangent stiffness, relative to that mean: no difference with 1e-2 and 1e-4 */
+#define LATIN_FRAME_STRUT   2.0   /* least c of a link in compression, relative to -tau / R: with 1 its length is not unique in the local stage */
+#define LATIN_FRAME_NONE    1e-3  /* replaces that mean if no link is taut, relative to the mean stiffness */
+#define LATIN_FRAME_PENALTY 100.0 /* initial penalty, relative to the stiffness around an inextensible cable */
+#define LATIN_FRAME_LOWEST  1e-5  /* least value of that mean, relative to the mean stiffness: operators must not be singular if tensions vanish */
 
-/* n and dim - 1 unit vectors at right angles to it, [dim][dim] */
+/* An orthonormal basis whose first vector is n, [dim][dim] */
 static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
 {
   PetscInt least = 0;
@@ -47,7 +47,7 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
   for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
 }
 
-/* The stiffness of a link of the base, its law, and the strain at which it begins to bear less that of its law */
+/* Of a link of the base in the frame: stiffness, law, and shift of the strain (lambda / p of an inextensible cable). Rigid links are springs */
 static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 {
   return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
@@ -65,7 +65,7 @@ static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
   return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
 }
 
-/* Parts of links that turn by small angles */
+/* Parts of links, geometry prestress */
 static void LatinFramePrestress(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -85,18 +85,18 @@ static void LatinFramePrestress(LatinStructure frame)
   }
 }
 
-/* What all links have to say on the search direction */
+/* Sums over all links, for the search direction */
 typedef struct {
   PetscReal taut, across; /* number of taut links, sum of their tau / R */
   PetscReal all, stiff;   /* number of links, sum of their stiffnesses */
 } LatinFrameSums;
 
-/* What the search direction of a link depends on */
+/* Data of one link, for its search direction */
 typedef struct {
-  PetscReal across, k; /* tension over length, 1 where a link that keeps its direction bears; stiffness of its law there */
+  PetscReal across, k; /* tension over length, or with a fixed direction 1 if taut, else 0; tangent stiffness of its law */
 } LatinFrameLink;
 
-/* The search direction (k, c) of link l: its tangent, where it does not bear compression no softer than what holds slack cables, and across the link positive */
+/* The search direction (k, c) of link l from its tangent stiffness: positive, and except in compression at least that of slack cables */
 static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscReal mean, PetscReal *k, PetscReal *c)
 {
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
@@ -125,7 +125,7 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
   *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
-/* All links, [links_local], as displacements a of the vertices turn them, NULL: as drawn; unit vectors too if axes are wanted. Collective on frame */
+/* Data of all links, [links_local], and their sums, at the displacements a of the vertices, NULL: as drawn. axes: their bases, NULL: not computed. Collective on frame */
 static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], PetscReal axes[], LatinFrameSums *sum)
 {
   const LatinStructure base = frame->turns;
@@ -165,7 +165,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
   PetscFunctionReturn(0);
 }
 
-/* What follows from the drawn configuration and the natural lengths, and no operator depends on */
+/* Natural lengths and initial elongations of the parts, on which no operator depends */
 static void LatinFrameLengths(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -184,11 +184,11 @@ static void LatinFrameLengths(LatinStructure frame)
     length                                           = LatinStructureKeeps(base, l) ? along : PetscSqrtReal(length);
     frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - base->e0[l] - LatinFrameShift(frame, l);
     frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(base, l) ? 1.0 : 0.0;
-    frame->e0[i]                                     = whole; /* of r0: a part's strain is that of r */
+    frame->e0[i]                                     = whole; /* component of r0: the strain of a part is the component of r */
   }
 }
 
-/* Parts of links that turn as far as displacements a of the vertices take them, NULL: as drawn. Collective on frame */
+/* Parts of links, geometry large, at the displacements a of the vertices, NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -219,7 +219,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   PetscFunctionReturn(0);
 }
 
-/* Links that have another stiffness in the frame than their laws at these strains, by more than half of the largest one. Collective on frame */
+/* Counts links whose k in the frame differs from the tangent stiffness of their law at `strain` by more than half of the stiffness of the link. Collective on frame */
 PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed)
 {
   const PetscInt dim = frame->dim;
@@ -236,7 +236,7 @@ PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal s
   PetscFunctionReturn(0);
 }
 
-/* The parts at displacements u of the base, NULL for none: other directions and stiffnesses, the same links and laws. Collective on frame */
+/* Updates directions and stiffnesses of the parts at the displacements u of the base, NULL: as drawn. Links and laws stay. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -244,7 +244,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   Vec                  local;
 
   PetscFunctionBegin;
-  frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts do not turn */
+  frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts have fixed directions */
   if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
   else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
@@ -260,7 +260,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
-/* Other multipliers of inextensible cables, `none`: zero. Natural lengths change, operators do not. Logically collective on frame */
+/* Updates the natural lengths after a change of the multipliers of rigid links; `none`: sets these to zero first. Operators do not change. Logically collective on frame */
 PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 {
   PetscFunctionBegin;
@@ -270,7 +270,7 @@ PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
   PetscFunctionReturn(0);
 }
 
-/* Inextensible cables as springs, of a penalty that suits what is beside them, without multipliers. Collective on frame */
+/* Makes rigid links springs: penalty relative to the stiffness around them, multipliers zero. Collective on frame */
 PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -285,7 +285,7 @@ PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
   PetscFunctionReturn(0);
 }
 
-/* Takes what has changed in the base: laws and initial elongations make the parts anew, loads do not. Collective on frame */
+/* Follows changes of the base: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -298,7 +298,7 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
   frame->turns_e0 = base->e0_state;
   frame->e0_state++;
-  if (state == frame->turns_state && base->base) { /* the next step: links have moved on, and operators stay */
+  if (state == frame->turns_state && base->base) { /* the next time step: new spans, same operators */
     LatinFrameLengths(frame);
     PetscFunctionReturn(0);
   }
@@ -311,7 +311,7 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   PetscFunctionReturn(0);
 }
 
-/* Collective on base, which is set up, and whose links turn */
+/* Creates the frame of a base that is set up and whose geometry is not linear. Collective on base */
 PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *newframe)
 {
   const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
@@ -323,7 +323,7 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   PetscCall(PetscObjectReference((PetscObject)base));
   PetscCall(PetscMemcpy((char *)frame + first, (char *)base + first, last - first));
   frame->turns             = base;
-  frame->turns_state       = -1; /* not yet looked at */
+  frame->turns_state       = -1; /* not yet followed */
   frame->rigid_law         = -1;
   frame->keeps             = NULL;
   frame->links_local       = m;
@@ -340,7 +340,7 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
     frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];
     frame->ends[i]  = base->ends[2 * (i / 2 / dim) + i % 2];
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* where solvers find the frame */
+  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* solvers find the frame through its DM */
   PetscCall(LatinStructureComposeDM_Private(frame));
   PetscCall(LatinFrameFollow_Private(frame));
   *newframe = frame;

@@ -18,11 +18,11 @@
 #include <petscsf.h>
 
 /* ---- structures (structure/structure.c, structure/setup.c) ---- */
-/* Which search directions the parts of links that turn have (structure/frame.c) */
+/* Search directions of a frame, the parts of rotating links (structure/frame.c) */
 typedef enum {
   LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
-  LATIN_FRAME_PRESENT, /* of displacements, with regard to cables that are to become slack or taut */
-  LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, for Newton's method */
+  LATIN_FRAME_PRESENT, /* at displacements, modified for cables that may slacken or tighten */
+  LATIN_FRAME_TANGENT  /* at displacements: the tangent stiffness, for Newton's method */
 } LatinFrameType;
 
 struct _p_LatinStructure {
@@ -54,16 +54,16 @@ struct _p_LatinStructure {
   PetscSF       shared_sf;     /* from their owners to the other ranks, by places in this list; NULL: one rank */
   PetscInt      flies;         /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
   PetscBool     set_up;
-  LatinGeometry geometry; /* how displacements turn links (structure/turning.c) */
-  PetscBool    *keeps;    /* [links_local] links among those that turn far that keep their direction; NULL where no link turns */
+  LatinGeometry geometry; /* rotation of links (structure/turning.c) */
+  PetscBool    *keeps;    /* [links_local] geometry large: links with a fixed direction; else NULL */
   /* a time step has its own of the members below */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
   PetscReal       *held;              /* [nodes_local][dim] of a time step: the prescribed displacements of its base where it starts */
   PetscReal       *vertex_held;       /* [vertices][dim] */
   PetscReal       *e0;                /* [links_local] */
-  PetscReal       *span;              /* [links_local][dim] from the first to the second node, as drawn, or at the start of a step; NULL where links do not turn */
-  PetscBool        midpoint;          /* a time step of links that turn (structure/midpoint.h) */
+  PetscReal       *span;              /* [links_local][dim] from the first to the second node, as drawn, or at the start of a time step; NULL with geometry linear */
+  PetscBool        midpoint;          /* a time step with geometry large (structure/midpoint.h) */
   DM               dm;
   Vec              load;                             /* F at free dofs, DM global vector */
   PetscObjectState load_state, e0_state, held_state; /* increased at each change: solvers compare them to rebuild */
@@ -77,19 +77,19 @@ struct _p_LatinStructure {
   /* [links_local] while rigid links are springs in the method of multipliers (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
   const PetscReal *bound; /* the same: friction bound of each contact, read at its normal part (Tresca); NULL: Coulomb friction */
-  /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
+  /* while Newton's method with large displacements uses tensions ahead of the displacements (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead;    /* [links_local] tensions in the tangent stiffness */
-  const PetscReal *strain;   /* [links_local] their strains, from which laws go on as straight lines, or NULL */
+  const PetscReal *strain;   /* [links_local] their strains, at which laws are linearised, or NULL */
   const PetscReal *slope;    /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
-  PetscReal        hold;     /* beside them: what slack cables keep of the mean tension over length, as stiffness */
+  PetscReal        hold;     /* with them: stiffness of slack cables, relative to the mean tension over length */
   LatinStructure   cones_of; /* the structure with friction whose polyhedral cones this one has (structure/frictioncones.c), NULL in others */
-  /* parts of links that turn (structure/frame.c), NULL in other structures */
-  LatinStructure   turns;                 /* the structure whose links have been split into parts */
-  PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
-  PetscObjectState parts_state;           /* of the parts when their links or laws last changed; since then they have turned alone */
-  PetscReal       *part;                  /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
-  LatinFrameType   made;                  /* their search directions, of large displacements */
-  PetscReal       *spring;                /* [2][links of turns] inextensible cables as springs: their penalty and multiplier; NULL where there are none */
+  /* of a frame (structure/frame.c), NULL in other structures */
+  LatinStructure   turns;                 /* the base, whose links have been split into parts */
+  PetscObjectState turns_state, turns_e0; /* its states at the last LatinFrameFollow_Private() */
+  PetscObjectState parts_state;           /* state of the frame when links or laws last changed; later changes are of directions and stiffnesses */
+  PetscReal       *part;                  /* [links_local][LATIN_PART] geometry large, see structure/turning.h */
+  LatinFrameType   made;                  /* geometry large: search directions of the parts */
+  PetscReal       *spring;                /* [2][links of turns] rigid links as springs: penalties, multipliers; NULL without rigid links */
 };
 
 /* ---- links of a structure: all by their numbers on this rank ---- */
@@ -194,7 +194,7 @@ PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const
 PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
 
-/* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
+/* ---- rotating links (structure/turning.c), and frames of their parts (structure/frame.c) ---- */
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningNatural_Private(LatinStructure, const PetscReal e0[]);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
@@ -218,7 +218,7 @@ PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, Pets
 PETSC_INTERN PetscErrorCode LatinFramePenalty_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed);
 
-/* Does link l keep its direction in large displacements? Contacts, and those that were given one */
+/* Has link l a fixed direction with geometry large? Contacts, and links with a direction of their own */
 static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)
 {
   return structure->keeps ? structure->keeps[l] : PETSC_FALSE;

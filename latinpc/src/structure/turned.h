@@ -1,21 +1,21 @@
 #ifndef LATIN_TURNED_H
 #define LATIN_TURNED_H
-/* What the files on links that turn with the displacements share: one link (structure/turning.c) */
+/* A link that rotates with the displacements, for turning*.c (structure/turning.c) */
 #include "structure/structureimpl.h"
 
-/* One link as displacements turn it */
+/* One link in the displaced configuration */
 typedef struct {
-  PetscReal d[3], n[3]; /* n: direction in which the tension acts */
-  PetscReal size;       /* R, or as drawn */
+  PetscReal d[3], n[3]; /* relative displacement of the ends; unit vector of the tension */
+  PetscReal size;       /* current length R; geometry prestress: length as drawn */
   PetscReal x;          /* strain */
   PetscReal tension;    /* tau */
-  PetscReal across;     /* tau / R, or t0 / l: stiffness at right angles to n */
-  PetscReal change[3];  /* derivative of the tension by d, less that of its part across n */
+  PetscReal across;     /* geometric stiffness at right angles to n: tau / R, or t0 / l */
+  PetscReal change[3];  /* derivative of the tension by d, less across n */
 } LatinTurned;
 
-/* Link l at the displacements a of the vertices. `rigid`: tensions of rigid links, NULL where there are none, or where they are taken for springs */
+/* Link l at the displacements a of the vertices. `rigid`: tensions of rigid links, NULL without rigid links, or if they are springs */
 PETSC_INTERN void LatinTurnedLink(LatinStructure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *);
-/* Displacements of the vertices, which LatinTurnedLink() reads; `held`: the prescribed ones, NULL: zero. Collective on the structure */
+/* Gets the displacements of the vertices for LatinTurnedLink(); `held`: the prescribed ones, NULL: zero. Collective on the structure */
 PETSC_INTERN PetscErrorCode LatinTurnedOpen_Private(LatinStructure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a);
 PETSC_INTERN PetscErrorCode LatinTurnedClose_Private(LatinStructure, Vec *local, const PetscScalar **a);
 

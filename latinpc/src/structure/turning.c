@@ -3,14 +3,14 @@
 #include "structure/turned.h"
 
 /*
-   Links that turn with the displacements: what residual.c and tangent.c are for links that keep their direction.
+   Residual, tensions and energy of rotating links, geometries prestress and large. For the geometry linear see residual.c and tangent.c.
 
    large      f = tau r / R, r = r0 + d; its derivative is k_t n n^t + tau / R (1 - n n^t) with n = r / R
-   prestress  f = tau n + t0 / l (1 - n n^t) d, n and l as drawn, t0 the tension there: the tangent of the former at d = 0
+   prestress  f = tau n + t0 / l (1 - n n^t) d; n, l and the tension t0 as drawn: linearisation of large at d = 0
 
-   A link that keeps its direction, as contacts do, has f = tau n in large as well, n the direction it was given.
+   A link with a fixed direction n, a contact for example, has f = tau n in the geometry large as well.
 
-   d is the displacement of the second node less that of the first one. During a time step large has the mean force of structure/midpoint.h.
+   d is the displacement of the second node less that of the first one. In a time step, large uses the mean force of structure/midpoint.h.
 */
 
 const char *const LatinGeometries[] = {"linear", "prestress", "large", "LatinGeometry", "LATIN_GEOMETRY_", NULL};
@@ -36,7 +36,7 @@ static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *l
   for (PetscInt c = 0; c < dim; c++) link->change[c] = R1 > 0.0 ? 2.0 * link->size * slope * (r0[c] + 2.0 * link->d[c]) / R1 : 0.0;
 }
 
-/* A link that keeps its direction, with the mean tension in a time step */
+/* A link with a fixed direction; in a time step with the mean tension */
 static void LatinTurnedKeep(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
   const LatinLaw *law   = &LatinLaws[structure->law[l]];
@@ -106,7 +106,7 @@ PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *local, co
   PetscFunctionReturn(0);
 }
 
-/* The forces of the links, f of link l at f + dim l, and of springs to the ground at u, on their nodes, less the loads. Collective on structure */
+/* r = nodal forces of the links, f of link l at f + dim l, and of springs to the ground at u, minus the loads. Collective on structure */
 PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscReal f[], Vec u, Vec load, Vec r)
 {
   const PetscInt dim = structure->dim;
@@ -130,7 +130,7 @@ PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
-/* The tensions at u; those of rigid links are given. Collective on structure */
+/* The tensions at u; `rigid`: of rigid links. Collective on structure */
 PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   const PetscScalar *a;
@@ -147,7 +147,7 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* The strains ahead of u, that `part` times a step makes as links stand at u, and their tensions; `held`: by how much prescribed vertices move in it, NULL: by nothing. Collective on structure */
+/* Linearised strains at u + part * step, with the directions of links at u, and their tensions; `held`: step of prescribed vertices, NULL: zero. Collective on structure */
 PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec step, PetscReal part, PetscReal tension[], PetscReal strain[])
 {
   const PetscInt     dim = structure->dim;
@@ -197,7 +197,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* From the first to the second node of each link, and strains, at u; `held`: displacements of prescribed vertices. Collective on structure */
+/* At u: vectors from the first to the second node of each link, and strains; `held`: displacements of prescribed vertices. Collective on structure */
 PetscErrorCode LatinTurningMove_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal span[], PetscReal x[])
 {
   const PetscInt     dim = structure->dim;
@@ -248,11 +248,11 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
   PetscFunctionReturn(0);
 }
 
-/* ---- what is asked for ---- */
-#define LATIN_TURNING_OWN 1e-8 /* a direction that differs so much from that of the nodes is one of its own */
+/* ---- set-up and checks ---- */
+#define LATIN_TURNING_OWN 1e-8 /* least difference of a link's direction from that of its nodes that counts as a direction of its own */
 
-/* An error where an initial elongation e0, [links_local] or NULL for none, leaves a link that turns a length without tension, l - e0, below zero. Zero is that of a link of
-   a given force density, but for rounding. Collective on structure */
+/* Checks that the natural length l - e0 of each rotating link is not negative; e0: initial elongations, [links_local], NULL: zero. It is zero, to rounding, at links of a
+   given force density. Collective on structure */
 PetscErrorCode LatinTurningNatural_Private(LatinStructure structure, const PetscReal e0[])
 {
   const PetscInt dim    = structure->dim;
@@ -275,7 +275,7 @@ PetscErrorCode LatinTurningNatural_Private(LatinStructure structure, const Petsc
   PetscFunctionReturn(0);
 }
 
-/* Spans of the links of a structure that is set up; laws and directions that links that turn cannot have are errors. Collective on structure */
+/* Computes the spans of the links of a structure that is set up, and checks laws and directions for the geometry. Collective on structure */
 PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
 {
   const PetscInt     dim  = structure->dim;
@@ -294,10 +294,10 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
     if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || (structure->law[l] != LATIN_LAW_INEXTENSIBLE && structure->law[l] != LATIN_LAW_CONTACT))) rigid = structure->law[l];
   cure = LatinLaws[PetscMax(0, rigid)].cure;
-  if (rigid == LATIN_LAW_FRICTION || rigid == LATIN_LAW_TANGENT) /* which is of small displacements only */
+  if (rigid == LATIN_LAW_FRICTION || rigid == LATIN_LAW_TANGENT) /* friction is limited to small displacements */
     cure = structure->geometry == LATIN_GEOMETRY_LARGE ? "the law contact, which slides without friction" : "the elastic law compression_only, which slides without friction";
   LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name, cure);
-  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL where links turn */
+  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL with rotating links */
   if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* never NULL then */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
@@ -317,7 +317,7 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* An error where links turn and `what`, a noun with its verb, does not follow. Collective on structure */
+/* Raises an error unless the geometry is linear; `what`: a noun with its verb. Collective on structure */
 PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
@@ -327,15 +327,15 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
 }
 
 /*@C
-  LatinStructureSetGeometry - How displacements turn the links of a structure, for all its solvers.
+  LatinStructureSetGeometry - Sets whether links rotate with the displacements, for all solvers of a structure.
 
   Collective on structure
 
   Input Parameter:
-. geometry - `LATIN_GEOMETRY_LINEAR`, the default: equilibrium in the drawn configuration; `LATIN_GEOMETRY_PRESTRESS`: by small
-             angles, against which each link resists by its tension there over its length; `LATIN_GEOMETRY_LARGE`:
-             equilibrium in the displaced configuration, the tension of a link that of its law at the strain
-             |r| - l + e0, r from its first to its second node, l its length as drawn
+. geometry - `LATIN_GEOMETRY_LINEAR`, the default: equilibrium in the drawn configuration; `LATIN_GEOMETRY_PRESTRESS`: small
+             rotations, with the geometric stiffness of the drawn configuration, tension over length; `LATIN_GEOMETRY_LARGE`:
+             equilibrium in the displaced configuration; the strain of a link is |r| - l + e0, with r the vector from its
+             first to its second node and l its length as drawn
 
   Options Database Key:
 . -snes_latin_geometry <linear,prestress,large> - the same, when a SNES latin is set up
@@ -343,8 +343,8 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
   Level: beginner
 
   Note:
-  For elastic links in the direction of their nodes, and in statics with large displacements inextensible cables and contacts.
-  With large displacements a contact, and a link with a direction of its own, keeps its direction. Motions take linear, or large.
+  Prestress and large support elastic links in the direction of their nodes; large also inextensible cables and contacts in statics, and
+  links with a direction of their own. The direction of these and of contacts stays fixed. Motions support linear and large.
 
 .seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
 @*/
@@ -371,7 +371,7 @@ PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry
 }
 
 /*@C
-  LatinStructureGetGeometry - How displacements turn the links of a structure.
+  LatinStructureGetGeometry - Gets whether links rotate with the displacements.
 
   Not collective
 

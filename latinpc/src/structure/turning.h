@@ -1,6 +1,6 @@
 /*
-   Links that turn: the force on the second node of a link between ends a distance r apart, of size R, is along r, with the
-   tension of its law at the strain R - L, L the natural length:
+   Rotating links: r is the vector between the ends of a link, of length R. The force on the second node acts along r, with the
+   tension of the law at the strain R - L, where L is the natural length:
 
      f(r) = tau(R - L) r / R.
 
@@ -8,26 +8,26 @@
 
      f(r) + E r = w,  w = s + 2 E d + E r0,
 
-   d the relative displacement of the ends in the linear stage, r0 that of the drawn configuration. For rho = tau / R the parts of r
-   along n and across it are w_n / (rho + k) and |w_t| / (rho + c). So R alone is unknown, a root of
+   where d is the relative displacement of the ends in the linear stage, and r0 is r as drawn. With rho = tau / R the components of r
+   along n and across it are w_n / (rho + k) and |w_t| / (rho + c). So R is the only unknown, a root of
 
      w_n^2 / (tau + k R)^2 + w_t^2 / (tau + c R)^2 = 1.
 
-   With tau + c R > 0 the left side falls from infinity to zero, and there is one root: of two springs in a row, the law and
-   the search direction, the latter is stiff enough.
+   For tau + c R > 0 the left side decreases from infinity to zero, and the root is unique: the search direction is stiff enough
+   in series with the law.
 */
 #ifndef LATINTURNING_H
 #define LATINTURNING_H
 
 #include "structure/laws.h"
 
-#define LATIN_TURNING_MOST 200 /* trial lengths: a safeguard, Newton's method takes 3 to 8 */
+#define LATIN_TURNING_MOST 200 /* most trial lengths, a safeguard: Newton's method takes 3 to 8 */
 
-/* What the stages of a link that turns need besides a link's: k and L of its law, the scale of the part, and 1 where it keeps its direction, else 0. A part along the unit
-   vector b has the row sqrt(E_b / E) b of B: all parts have one search parameter E, and the norm of a state is its energy */
+/* Additional data of a part of a rotating link: k and L of its law, the scale sqrt(E_b / E) of the part, and 1 if the link has a fixed direction, else 0. A part along the
+   unit vector b has the row sqrt(E_b / E) b of B: then all parts have one search parameter E, and the norm of a state is its energy */
 enum { LATIN_PART_STIFFNESS, LATIN_PART_NATURAL, LATIN_PART_SCALE, LATIN_PART_KEEPS, LATIN_PART };
 
-/* The equation of one link that keeps its direction n: tau(R - L) + k R = w for the part R of r along n, the left side increasing by k at least */
+/* Solves tau(R - L) + k R = w for a link with the fixed direction n; R is the component of r along n, and the slope of the left side at least k. Newton's method within a bracket */
 static inline PetscReal LatinKeepLength(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w)
 {
   PetscReal R = w / k, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
@@ -51,7 +51,7 @@ static inline PetscReal LatinKeepLength(const LatinLaw *law, PetscReal stiffness
   return R;
 }
 
-/* The equation of one link */
+/* The equation for R of one link */
 typedef struct {
   const LatinLaw *law;
   PetscReal       stiffness, natural;  /* k and L of the law */
@@ -78,7 +78,7 @@ static inline PetscReal LatinTurnMiss(const LatinTurn *turn, PetscReal R, PetscR
 /* The root R: Newton's method within a bracket */
 static inline PetscReal LatinTurnLength(const LatinTurn *turn)
 {
-  PetscReal low = 0.0, high = PETSC_MAX_REAL, R = PetscSqrtReal(PetscSqr(turn->along / turn->k) + PetscSqr(turn->across / turn->c)); /* that of a slack cable */
+  PetscReal low = 0.0, high = PETSC_MAX_REAL, R = PetscSqrtReal(PetscSqr(turn->along / turn->k) + PetscSqr(turn->across / turn->c)); /* initial guess: the length of a slack cable */
 
   if (!(R > 0.0)) R = PetscMax(turn->natural, 0.0);
   for (PetscInt i = 0; i < LATIN_TURNING_MOST; i++) {

@@ -1,11 +1,11 @@
 #include "structure/turned.h"
 
 /*
-   The tangent stiffness of links that turn with the displacements: with entries, and as a product link by link, which takes
-   less memory than a matrix, and is there as soon as the links are.
+   The tangent stiffness of rotating links: assembled, and matrix-free as a product link by link, which needs less memory and no
+   assembly.
 */
 
-/* The stiffness that slack cables keep in the tangent while Newton's method goes ahead, else 0. Collective on structure */
+/* Stiffness of slack cables in the tangent while Newton's method uses tensions ahead of the displacements (structure->ahead), else 0. Collective on structure */
 static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const PetscScalar a[], PetscReal *hold)
 {
   PetscReal   sum[3] = {0.0, 0.0, 0.0};
@@ -25,7 +25,7 @@ static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* The derivative of the force of link l by d, [dim][dim], of a time step not symmetric */
+/* The derivative of the force of link l by d, [dim][dim]; not symmetric in a time step */
 static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal hold, PetscReal block[])
 {
   const PetscInt dim = structure->dim;
@@ -35,8 +35,8 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   LatinTurnedLink(structure, NULL, l, a, &link);
   if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
   if (structure->ahead && !LatinStructureKeeps(structure, l)) {
-    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* where its nodes meet a link of squared length is as stiff in all directions */
-    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not where it bears compression */
+    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* coincident nodes: a link whose energy is quadratic in its length is equally stiff in all directions */
+    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not in compression */
       link.across = PetscMax(link.across, hold);
       k           = PetscMax(k, hold);
     }
@@ -45,7 +45,7 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
 
-/* Into a matrix with entries. Collective on structure */
+/* Assembles the tangent stiffness. Collective on structure */
 PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
   const PetscInt     dim = structure->dim, n = 2 * dim;
@@ -74,7 +74,7 @@ PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat
   PetscFunctionReturn(0);
 }
 
-/* The forces without balance that prescribed vertices make as they move by `held`, by the tangent stiffness at u. Collective on structure */
+/* r = the linearised unbalance of the displacements `held` of prescribed vertices: tangent stiffness at u times `held`. Collective on structure */
 PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec r)
 {
   const PetscInt     dim = structure->dim;
@@ -101,8 +101,8 @@ PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const P
   PetscFunctionReturn(0);
 }
 
-/* ---- the same without entries ---- */
-/* The forces of the links on their nodes, which their blocks k make of displacements a of the vertices, added to v; dim is known to the compiler */
+/* ---- matrix-free ---- */
+/* v += nodal forces of the links: their blocks k times the displacements a of the vertices. Inlined for a constant dim */
 static inline void LatinTurnedProducts(LatinStructure structure, PetscInt dim, const PetscScalar k[], const PetscScalar a[], PetscScalar v[])
 {
   for (PetscInt l = 0; l < structure->links_local; l++, k += dim * dim) {
@@ -133,7 +133,7 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   PetscCall(VecZeroEntries(forces));
   PetscCall(VecGetArray(forces, &v));
   PetscCall(VecGetArrayRead(blocks, &k));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* no change where prescribed */
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* zero at prescribed vertices */
   if (structure->dim == 3) LatinTurnedProducts(structure, 3, k, a, v);
   else LatinTurnedProducts(structure, structure->dim, k, a, v);
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
@@ -146,7 +146,7 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* A tangent stiffness without entries; LatinTurningMatCompute_Private() comes before its first use. The structure outlives it. Collective on structure */
+/* Creates the matrix-free tangent stiffness; call LatinTurningMatCompute_Private() before its first use. The structure must outlive it. Collective on structure */
 PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
 {
   const PetscInt m = structure->dim * structure->dim * structure->links_local;
