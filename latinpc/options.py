@@ -37,14 +37,19 @@ def default_options(options: Mapping[str, Any] | None) -> Iterator[list[str]]:
         The options that were set.
     """
     database = PETSc.Options()
+    before = database.getAll()
     ours = {name: value for name, value in (options or {}).items() if not database.hasName(name)}
     for name, value in ours.items():
         database.setValue(name, str(value).lower() if isinstance(value, bool) else value)
+    given = database.getAll()
     try:
         yield list(ours)
     finally:
-        for name in ours:
-            database.delValue(name)
+        left = database.getAll()
+        renamed = [given[name] for name in ours if name not in left]  # PETSc replaces a deprecated name
+        for name, value in left.items():
+            if name in ours or (name not in before and value in renamed):
+                database.delValue(name)
 
 
 def unknown_options(names: Iterable[str] | None = None) -> list[str]:

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from support import irregular, logged, solve
 
 import latinpc
+from latinpc.options import default_options
 from latinpc.runs.motion import move
 from latinpc.scenes import make
 
@@ -166,3 +167,15 @@ def test_tolerances_that_stop_nothing_are_told():
     assert text in scene.solve(options=tolerances).notices
     for other in ({"snes_latin_stop": "residual"}, {"snes_type": "newtonls", "pc_type": "lu"}):
         assert text not in scene.solve(options=tolerances | other).notices
+
+
+def test_a_deprecated_option_ends_with_its_solve():
+    """PETSc puts the new name of an option in the place of the old one: neither is there for the next solve."""
+    database = PETSc.Options()
+    before = database.getAll()
+    with default_options({"name_of_old": 7}):
+        database.delValue("name_of_old")
+        database.setValue("name_of_new", 7)
+        database.setValue("given_by_a_callback", 8)
+    assert database.getAll() == before | {"given_by_a_callback": "8"}
+    database.delValue("given_by_a_callback")
