@@ -150,7 +150,10 @@ LARGE = {
         "times `LATIN_MECHANISM`, of the largest stiffness",
         "Without, 28 of 400 random structures more are claimed: mechanisms at rest.",
     ),
-    "LATIN_DESCENT_RADIUS": ("of the size", "60 random towers: 0.01 and 1 find the same 49 states; the trust region adapts."),
+    "LATIN_DESCENT_RADIUS": (
+        "of the size",
+        "60 random towers: 0.01 and 1 find the same 49 states; the trust region adapts.",
+    ),
     "LATIN_DESCENT_BALANCE": (
         "of the stiffness times the size",
         "Near what rounding leaves; Newton's method goes on from there, and proves.",
@@ -167,8 +170,14 @@ LARGE = {
         "steps",
         "Descents of 100 towers take 4 to 72; under the loads themselves 26 take more than 500.",
     ),
-    "LATIN_DESCENT_HEAVY": ("of the stiffness times the size", "60 random towers: a rotation changes the state of 1; with 0.01 of 4, with 1 of 2."),
-    "LATIN_DESCENT_LIGHTER": ("ratio", "60 random towers: a rotation changes the state of 1, as with 3; with 100 of 2."),
+    "LATIN_DESCENT_HEAVY": (
+        "of the stiffness times the size",
+        "60 random towers: a rotation changes the state of 1; with 0.01 of 4, with 1 of 2.",
+    ),
+    "LATIN_DESCENT_LIGHTER": (
+        "ratio",
+        "60 random towers: a rotation changes the state of 1, as with 3; with 100 of 2.",
+    ),
     "LATIN_DESCENT_FAR": ("sizes", "60 random towers: 10 and 1e5 find the same states."),
     "LATIN_PATH_LEFT": (
         "of forces on all nodes",
