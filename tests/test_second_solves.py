@@ -300,6 +300,30 @@ def test_a_geometry_that_is_refused_changes_nothing(how):
         assert structure.solve().report["reason"].startswith("CONVERGED")
 
 
+@pytest.mark.parametrize(
+    "law, elongation, said",
+    [
+        ("friction", 0.0, "not part of a complete contact"),
+        ("cable", np.nan, "an initial elongation"),
+        ("cable", 9.0, "its length without"),
+    ],
+)
+def test_laws_that_are_refused_change_nothing(law, elongation, said):
+    """The structure had kept the new laws: later solves had another result, were refused, or crashed."""
+    structure = latinpc.Structure(
+        [[0, 0], [1, 0], [0.5, 1]], [[0, 2], [1, 2], [0, 2]], ["bar", "bar", "cable"], [1.0, 1.0, 5.0],
+        fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF, geometry="large",
+    )  # fmt: skip
+    snes, u, v = structure.create_snes(), structure.create_vec(), structure.create_vec()
+    snes.solve(None, u)
+    with pytest.raises(PETSc.Error, match=said):
+        structure._handle.set_laws(
+            np.full(3, latinpc.Law[law.upper()]), np.array([1.0, 1.0, 2.0]), np.full(3, elongation)
+        )
+    snes.solve(None, v)
+    assert snes.getConvergedReason() > 0 and np.array_equal(u, v)
+
+
 @pytest.mark.filterwarnings(
     "ignore:contacts that bear", "ignore:no equilibrium", "ignore:not converged", "ignore:links join"
 )

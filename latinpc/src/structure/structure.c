@@ -164,6 +164,32 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
   PetscFunctionReturn(0);
 }
 
+/* Stores laws that are known, with their stiffnesses, and checks them against the geometry and the initial elongations. Collective on structure */
+static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
+{
+  PetscInt kinds[3] = {-1, 0, 0};
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table, for messages */
+    if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
+    if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
+    structure->law[l]       = law[l];
+    structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 3, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
+  structure->general   = (PetscBool)(kinds[1] > 0);
+  structure->rubs      = (PetscBool)(kinds[2] > 0);
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscCall(LatinStructureSetInitialElongations(structure, e0));
+  if (structure->set_up) {
+    PetscCall(LatinStructureSetUpRigid_Private(structure));
+    PetscCall(LatinTurningSetUp_Private(structure));
+  }
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinStructureSetLaws - Sets the constitutive laws (2), (3), (4) of the links of this rank.
 
@@ -180,23 +206,22 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
 @*/
 PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
-  MPI_Comm comm;
-  PetscInt badlaw = -1, badk = -1, kinds[3] = {-1, 0, 0};
-  char     list[256] = "0 (bar)";
-  size_t   length;
+  const PetscInt n = structure->links_local;
+  MPI_Comm       comm;
+  PetscInt       badlaw = -1, badk = -1, *laws;
+  PetscReal     *stiffnesses, *elongations;
+  PetscErrorCode refused;
+  char           list[256] = "0 (bar)";
+  size_t         length;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   comm = PetscObjectComm((PetscObject)structure);
-  for (PetscInt l = 0; l < structure->links_local; l++) {
+  for (PetscInt l = 0; l < n; l++) {
     const PetscBool known = (PetscBool)(law[l] >= 0 && law[l] < LatinLawCount);
 
     if (badlaw < 0 && !known) badlaw = l;
     if (badk < 0 && (PetscIsInfOrNanReal(stiffness[l]) || (!(stiffness[l] > 0.0) && !(stiffness[l] == 0.0 && known && (LatinLaws[law[l]].rigid || LatinLaws[law[l]].stiffness > 0.0))))) badk = l;
-    if (!known) continue;
-    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table, for messages */
-    if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
-    if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
   }
   for (PetscInt i = 1; i < LatinLawCount && badlaw >= 0; i++) {
     PetscCall(PetscStrlen(list, &length));
@@ -204,18 +229,14 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   }
   LatinAgree(comm, badlaw >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has law %" PetscInt_FMT "; the laws are %s", structure->links_start + badlaw, law[badlaw], list);
   LatinAgree(comm, badk >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has stiffness %g; a stiffness is a positive finite number of force/length", structure->links_start + badk, (double)stiffness[badk]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 3, MPIU_INT, MPI_MAX, comm));
-  structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
-  structure->general   = (PetscBool)(kinds[1] > 0);
-  structure->rubs      = (PetscBool)(kinds[2] > 0);
-  PetscCall(PetscArraycpy(structure->law, law, structure->links_local));
-  for (PetscInt l = 0; l < structure->links_local; l++) structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
-  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
-  PetscCall(LatinStructureSetInitialElongations(structure, e0));
-  if (structure->set_up) {
-    PetscCall(LatinStructureSetUpRigid_Private(structure));
-    PetscCall(LatinTurningSetUp_Private(structure));
-  }
+  PetscCall(PetscMalloc3(n, &laws, n, &stiffnesses, n, &elongations));
+  PetscCall(PetscArraycpy(laws, structure->law, n));
+  PetscCall(PetscArraycpy(stiffnesses, structure->stiffness, n));
+  PetscCall(PetscArraycpy(elongations, structure->e0, n));
+  refused = LatinStructureKeepLaws_Private(structure, law, stiffness, e0);
+  if (refused) PetscCall(LatinStructureKeepLaws_Private(structure, laws, stiffnesses, elongations)); /* the structure stays as it was */
+  PetscCall(PetscFree3(laws, stiffnesses, elongations));
+  PetscCall(refused);
   PetscFunctionReturn(0);
 }
 
