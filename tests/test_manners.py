@@ -169,6 +169,16 @@ def test_tolerances_that_stop_nothing_are_told():
         assert text not in scene.solve(options=tolerances | other).notices
 
 
+@pytest.mark.filterwarnings("ignore:not converged")
+@pytest.mark.parametrize("more", [{}, {"snes_latin_newton": "never"}, {"snes_latin_geometry": "large"}])
+def test_most_evaluations_of_a_function_are_most_linear_stages(more):
+    """They had been without effect."""
+    scene = make("saddle", wind=50.0)
+    found = [scene.solve(options=more | {name: 3}) for name in ("snes_max_funcs", "snes_max_it")]
+    assert [one.report["reason"] for one in found] == ["DIVERGED_FUNCTION_COUNT", "DIVERGED_MAX_IT"]
+    assert found[0].iterations == found[1].iterations < scene.solve(options=more).iterations
+
+
 def test_a_deprecated_option_ends_with_its_solve():
     """PETSc puts the new name of an option in the place of the old one: neither is there for the next solve."""
     database = PETSc.Options()

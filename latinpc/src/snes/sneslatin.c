@@ -194,7 +194,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->energy         = data->estimate.energy;
   newton->tension_target = SNESLatinTensionTarget(data);
   newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
-  newton->limit          = snes->max_its - data->latin->linear.applications;
+  newton->limit          = SNESLatinMost(snes) - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* the estimated error is small */
@@ -296,13 +296,13 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance */
     PetscCall(SNESLatinFallen_Private(snes, &fallen));
     if (fallen && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance */
-    if (snes->max_its >= LATIN_JAM_LEAST) {
+    if (SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
       PetscCall(VecDestroy(&F));
     }
     if (found->links) found->nodes = 0;
-    else if (found->hidden && !fallen && snes->max_its >= LATIN_JAM_LEAST) {
+    else if (found->hidden && !fallen && SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
       data->estimate.floor = 1.0;
     }
@@ -366,6 +366,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   data->has_state = (PetscBool)(snes->reason > 0);
   PetscCall(SNESLatinDiagnose_Private(snes));
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
+  if (data->next == LATIN_NEXT_MAX_IT && SNESLatinMost(snes) < PetscMin(snes->max_its, snes->iter + 1)) snes->reason = SNES_DIVERGED_FUNCTION_COUNT;
   if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
   PetscFunctionReturn(0);
 }
@@ -425,7 +426,8 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_local_                            - prefix of the KSP of the subdomains
 . -snes_latin_coarse_                           - prefix of the KSP of the coarse problem
 . -snes_stol <1e-05>                            - tolerance of the indicator
-- -snes_max_it <10000>                           - most linear stages
+. -snes_max_it <10000>                           - most linear stages
+- -snes_max_funcs                                - the same, with SNES_DIVERGED_FUNCTION_COUNT; by default unlimited
 
   Level: beginner
 
@@ -468,6 +470,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   data->stop           = LATIN_STOP_ERROR;
 
   PetscObjectParameterSetDefault(snes, max_its, 10000);
+  PetscObjectParameterSetDefault(snes, max_funcs, PETSC_UNLIMITED);
   PetscObjectParameterSetDefault(snes, stol, LATIN_STOL);
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscCall(LatinSetVariant(data->latin, LATIN_VARIANT_AUTO));
