@@ -179,6 +179,28 @@ def test_most_evaluations_of_a_function_are_most_linear_stages(more):
     assert found[0].iterations == found[1].iterations < scene.solve(options=more).iterations
 
 
+def test_lags_of_a_jacobian_that_is_none_are_told():
+    """PETSc reads them for every type of SNES, so that they are not among those that nobody has read."""
+    scene = make("tensegrity-grid", modules=4, subdomains=4)
+    lags = {"snes_lag_jacobian": 5, "snes_lag_preconditioner_persists": True}
+    told = [text for text in scene.solve(options=lags).notices if "no Jacobian" in text]
+    assert len(told) == 1 and "-snes_lag_jacobian and -snes_lag_preconditioner_persists without effect" in told[0]
+    assert told[0].endswith("-snes_latin_newton_snes_lag_jacobian")
+    for other in ({"snes_latin_newton_snes_lag_jacobian": 2}, lags | {"snes_type": "newtonls", "pc_type": "lu"}):
+        assert not any("no Jacobian" in text for text in scene.solve(options=other).notices)
+
+
+@pytest.mark.filterwarnings("ignore:not converged")
+def test_newtons_method_preconditioned_from_the_left_tells_its_cure():
+    """PETSc gives it differences for a Jacobian, and a matrix of zeros to precondition with."""
+    scene = make("tensegrity-grid", modules=4, subdomains=4)
+    left = {"snes_type": "newtonls", "npc_snes_type": "latin", "npc_snes_max_it": 3, "snes_npc_side": "left"}
+    failed, cured = scene.solve(options=left), scene.solve(options=left | {"pc_type": "none"})
+    (text,) = [text for text in failed.notices if "-snes_npc_side left" in text]
+    assert not failed.converged and text.endswith("take -pc_type none")
+    assert cured.converged and not any("-snes_npc_side" in text for text in cured.notices)
+
+
 def test_a_deprecated_option_ends_with_its_solve():
     """PETSc puts the new name of an option in the place of the old one: neither is there for the next solve."""
     database = PETSc.Options()

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["attach_linear", "gather", "report_of", "solve", "unread"]
 
+LAGS = [f"snes_lag_{what}{persists}" for what in ("jacobian", "preconditioner") for persists in ("", "_persists")]
+
 
 def solve(
     structure: Structure,
@@ -74,12 +76,24 @@ def solve(
 
 
 def idle(snes: PETSc.SNES) -> list[str]:
-    """Return a sentence on tolerances that the options give and that stop nothing; not collective."""
-    options = PETSc.Options(snes.getOptionsPrefix())
-    if snes.getType() != "latin" or options.getString("snes_latin_stop", "") == "residual":
-        return []
-    named = " and ".join(f"-{name}" for name in ("snes_rtol", "snes_atol") if options.hasName(name))
-    return [f"no solve stops at {named} without -snes_latin_stop residual: take -snes_latin_error"] if named else []
+    """Return sentences on options that PETSc takes and that stop or change nothing; not collective."""
+    options, said = PETSc.Options(snes.getOptionsPrefix()), []
+
+    def given(*names):
+        return " and ".join(f"-{name}" for name in names if options.hasName(name))
+
+    if snes.getType() == "latin":
+        named = given("snes_rtol", "snes_atol")
+        if named and options.getString("snes_latin_stop", "") != "residual":
+            said += [f"no solve stops at {named} without -snes_latin_stop residual: take -snes_latin_error"]
+        named = given(*LAGS)
+        if named:
+            inner = named.split()[0].replace("-", "-snes_latin_newton_", 1)
+            said += [f"{named} without effect: SNES latin has no Jacobian; its Newton's method has {inner}"]
+    elif snes.hasNPC() and snes.getNPCSide() == PETSc.PC.Side.LEFT and snes.getType().startswith("newton"):
+        if snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+            said += ["-snes_npc_side left leaves Newton's method no matrix to precondition with: take -pc_type none"]
+    return said
 
 
 def unread(comm: PETSc.Comm, names: list[str]) -> list[str]:

@@ -438,12 +438,14 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   (zero in rigid links), those of interfaces balance the subdomains. A zero solution vector means the prestressed configuration.
 
   As a nonlinear preconditioner (`-npc_snes_type latin -npc_snes_max_it 3`) or in a `SNESCOMPOSITE` the SNES takes `-snes_max_it` linear
-  stages from the displacements given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts.
+  stages from the displacements given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts. Newton's method with
+  `-snes_npc_side left` needs `-pc_type none`: PETSc has no matrix of the preconditioned function.
 
   `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. During the iteration it and the
   solution are computed only for a monitor, a history, or the user's test or update. `-snes_latin_monitor` prints the indicator.
   A test given to `SNESSetConvergenceTest()` replaces the stop. A function given to `SNESSetUpdate()` is called before each linear
-  stage; its changes take effect in the next solve. `-snes_rtol` and `-snes_atol` apply to `-snes_latin_stop residual` alone.
+  stage; its changes take effect in the next solve. `-snes_rtol` and `-snes_atol` apply to `-snes_latin_stop residual` alone. There is no
+  Jacobian that `-snes_lag_jacobian` could keep; that of Newton's method has `-snes_latin_newton_snes_lag_jacobian`.
 
 .seealso: `LatinStructureCreate()`, `LatinStructureAttachSNES()`, `PCLATIN`
 M*/
