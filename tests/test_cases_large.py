@@ -1,5 +1,7 @@
 """Load cases with large displacements: which equilibrium they find, what one says that is refused or fails."""
 
+import re
+
 import numpy as np
 import pytest
 import turning
@@ -111,6 +113,15 @@ def test_what_is_refused_of_a_case_names_it():
         fixed=[[1, 1], [1, 1], [0, 0]], load=[[0, 0], [0, 0], [0.01, -0.01]], comm=PETSc.COMM_SELF,
     )  # fmt: skip
     near, apart = (Case(name, prescribed=[[0, 0], [x, 0], [0, 0]]) for name, x in (("near", -0.1), ("apart", 0.1)))
-    assert latinpc.solve_cases(tied, [near]).converged
-    with pytest.raises(latinpc.LatinError, match=r"^case apart: Link 2 \(inextensible\) has prescribed displacements"):
-        latinpc.solve_cases(tied, [near, apart])
+    said = r"^case apart: Link 2 \(inextensible\) has prescribed displacements"
+    with pytest.raises(latinpc.LatinError, match=said):
+        latinpc.solve_cases(tied, [apart])
+    truth = near.applied(latinpc.scenes.Scene.from_structure(tied)).solve()
+    with pytest.warns(latinpc.ConvergenceWarning, match="^not converged: apart: REFUSED; apart: REFUSED$"):
+        found = latinpc.solve_cases(tied, [apart, near, apart, near])
+    assert [row["reason"] == "REFUSED" for row in found.report["cases"]] == [True, False, True, False]
+    assert len(found.notices) == 2 and all(re.match(said, text) for text in found.notices)
+    for number in (1, 3):
+        assert np.array_equal(found.displacements[number], truth.displacements)
+        assert np.array_equal(found.tensions[number], truth.tensions)
+    assert np.array_equal(found.envelope()[1], truth.tensions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
 #: Cases of a rank that are solved side by side. Two take as long as one after the other on 48 x 48 modules of the grid,
 #: a third to nine tenths of that on five other structures; one takes up to 1.6 times as long.
 FEWEST = 2
+REFUSALS = (62, 63, 73, 75)  # PETSc: an argument is wrong, out of range, in the wrong state, or does not fit others
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
@@ -216,7 +216,8 @@ def solve_cases(
     Raises
     ------
     ValueError, LatinError
-        On every rank; what is refused of a case begins with its name. A case that does not converge is no error.
+        On every rank, where the library refuses all cases. A case that does not converge is no error, nor is one that
+        is refused beside others: its reason is ``REFUSED``, and a notice that begins with its name says why.
 
     Notes
     -----
@@ -288,15 +289,6 @@ def _farthest(cases):
     return [f"case {cases.names[number]}: {text}" for text in turned(found) or changed(found)]
 
 
-@contextlib.contextmanager
-def _named(case):
-    """Put the name of a case before what the library refuses of it."""
-    try:
-        yield
-    except PETSc.Error as error:
-        raise LatinError(error.ierr, f"case {case.name}: {error_message(error)}", str(error)) from None
-
-
 class _Series:
     """Cases of one structure and what is known of them; methods are collective."""
 
@@ -352,6 +344,7 @@ class _Series:
         structure, snes = self.structure, self.snes
         u = structure.create_vec()
         start = _Start(self.scene) if self._unique() else None
+        refused = None
         for number, case in enumerate(self.cases):
             if self.found[number] is not None:
                 continue
@@ -360,11 +353,18 @@ class _Series:
             u.set(0.0)
             if start is not None:
                 start.predict(applied, u)
-            with _named(case):
+            try:
                 structure.set_load(applied.load)
                 structure.set_prescribed(applied.prescribed)
                 structure.set_initial_elongation(applied.initial_elongation)
                 snes.solve(None, u)
+            except PETSc.Error as error:
+                refused = LatinError(error.ierr, f"case {case.name}: {error_message(error)}", str(error))
+                if error.ierr not in REFUSALS:
+                    raise refused from None
+                self.found[number] = 0, False, False, "REFUSED", None
+                self.notices.append(structure.counted_as_given(refused.said))
+                continue
             converged = snes.getConvergedReason() > 0
             if start is not None and converged:
                 start.keep(u)
@@ -377,6 +377,8 @@ class _Series:
             with bearing(snes, structure, factor):
                 self._explain(number, u)
         u.destroy()
+        if refused is not None and all(found[3] == "REFUSED" for found in self.found):
+            raise refused
 
     def _unique(self):
         """Whether a case has one equilibrium, wherever it starts: not with rigid laws, nor where bars may snap."""
