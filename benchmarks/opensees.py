@@ -5,7 +5,7 @@ python benchmarks/opensees.py                 writes results/opensees.json and t
 
 Each structure is one of corotTruss elements: cables are Elastic materials without stiffness in compression, with the
 initial strain of their prestress. Loads grow in equal increments by Newton's method, with a line search, or accelerated
-(Krylov); forces without balance are to become 1e-9 of the loads, as for SNES latin. --python NAME: an interpreter
+(Krylov), until unbalanced forces are below 1e-9 of the loads, as for SNES latin. --python NAME: an interpreter
 that has openseespy and numpy.
 """
 

@@ -298,12 +298,12 @@ def tension_error(SNES snes not None):
 
 
 def set_balance(SNES snes not None, PetscReal balance):
-    """Set the forces without balance at which a solve may end."""
+    """Set the largest unbalanced forces at convergence."""
     CHKERR(SNESLatinSetBalance(snes.snes, balance))
 
 
 def set_largest_unbalance(SNES snes not None, PetscReal force):
-    """Set the force without balance on a node at which a solve may end."""
+    """Set the largest unbalanced force on a node at convergence."""
     CHKERR(SNESLatinSetLargestUnbalance(snes.snes, force))
 
 

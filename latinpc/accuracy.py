@@ -72,7 +72,7 @@ def digits(snes: PETSc.SNES) -> dict[str, float]:
     Returns
     -------
     dict of float
-        Changes of the free displacements, relative in the l2 norm: by the forces left without balance as
+        Changes of the free displacements, relative in the l2 norm: by the unbalanced forces as
         ``unbalance``; by the rounding of displacements, elongations and tensions as ``rounding``, the least error of
         any solver in this precision; by that of the coordinates as ``places``; by that of stiffnesses, initial
         elongations and loads as ``values``. The last three are root mean squares over random roundings.

@@ -402,8 +402,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         error : float, optional
             Relative error of the displacements to stop at, between 0 and 1; 1e-4 by default.
         largest_unbalance : float, optional
-            Force that may be left without balance on a node (N); by default the forces of all nodes together are below
-            a hundredth of the loads.
+            Largest unbalanced force on a node at convergence (N); by default only the norm over all nodes is limited,
+            to a hundredth of the loads.
         preset : str, optional
             A ready-made set of options, as ``"fast"``, ``"balanced"``, ``"accurate"`` or ``"large"``: the name of a
             file of the folder options, without its suffix.

@@ -15,7 +15,7 @@ RNG = np.random.default_rng(16)
 
 
 def left(scene, result):
-    """Forces without balance over the loads, from displacements and tensions; l2 norms on the free components."""
+    """Unbalanced forces over the loads, from displacements and tensions; l2 norms on the free components."""
     span = scene.nodes[scene.links[:, 1]] - scene.nodes[scene.links[:, 0]]
     pull = result.tensions[:, None] * span / np.linalg.norm(span, axis=1)[:, None]
     forces = np.zeros_like(scene.nodes)
@@ -137,7 +137,7 @@ def test_a_choice_from_python_and_one_that_is_none():
 
 
 def most(scene, tensions):
-    """The largest force without balance on a node (N), from tensions."""
+    """The largest unbalanced force on a node (N), from tensions."""
     pull, forces = tensions[:, None] * scene.directions, np.zeros_like(scene.nodes)
     np.add.at(forces, scene.links[:, 1], pull)
     np.add.at(forces, scene.links[:, 0], -pull)

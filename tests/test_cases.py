@@ -194,7 +194,7 @@ def test_bars_take_three_stages_a_case():
 
 
 def test_what_does_not_go_side_by_side_is_solved_all_the_same():
-    """Laws without a stiffness, options of the iteration, few cases; and one case among others without balance."""
+    """Laws without a stiffness, options of the iteration, few cases; and one case among others without equilibrium."""
     grids = random_cases(grid(), 4)
     for scene, cases, how in (
         (SCENES["net"](), random_cases(SCENES["net"](), 4), {}),

@@ -280,7 +280,7 @@ def test_tradeoff_command(tmp_path):
 def test_presets_are_described():
     for name, accuracy in (("fast", "1e-2"), ("balanced", "1e-4"), ("accurate", "1e-8")):
         text = (ROOT / "options" / f"{name}.opts").read_text()
-        assert accuracy in text and "latinpc solve" in text and "without balance on a node" in text
+        assert accuracy in text and "latinpc solve" in text and "unbalanced forces of up to" in text
 
 
 # ---- linear structures -----------------------------------------------------------------------

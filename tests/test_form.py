@@ -396,7 +396,7 @@ def test_command_takes_densities_by_law_and_scenes():
 def test_a_summary_says_what_was_found():
     """As print shows it."""
     text = str(latinpc.form_find(**square(0)))
-    assert "force density" in text and "natural" in text and "forces without balance" in text
+    assert "force density" in text and "natural" in text and "unbalanced forces" in text
     assert "give EA for natural lengths" in str(latinpc.form_find(**row(), density=1.0))
 
 

@@ -209,7 +209,7 @@ def test_a_grain_in_space_falls_where_no_friction_holds_it(units):
 
 
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])
-def test_the_error_of_a_refusal_is_no_less_than_forces_without_balance(friction):
+def test_the_error_of_a_refusal_is_no_less_than_the_unbalanced_forces(friction):
     """Estimates compare iterates: those that creep, or have left for far away, differ little."""
     for part in (0.05, 0.07, 0.15, 0.3):
         arch = latinpc.Structure.from_scene(make("arch", thickness=0.12, friction=friction, push=part))

@@ -84,7 +84,7 @@ def test_struts_that_bear_nothing_as_drawn_have_no_stiffness_at_all():
 
 
 def test_no_claim_of_yielding_chains_that_leap_away():
-    """Displacements of 1e98 Gm without balance were claimed, or said to be those of an eighth of the loads."""
+    """Displacements of 1e98 Gm with unbalanced forces were claimed, or said to be those of an eighth of the loads."""
     nodes = [
         [2.278009426262819, 2.4985532598656572, 1.0455321851287631],
         [2.16630268911014, 2.2138024918286576, 1.789532249875649],

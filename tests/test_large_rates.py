@@ -62,7 +62,7 @@ def test_verdicts():
     scene = truss(0.5 * limit)
     u = Corotational(scene).follow().displacements
     assert judging.judge(scene, u)["verdict"] == "right"
-    assert judging.judge(scene, u * (1 + 1e-6))["why"] == "forces without balance"
+    assert judging.judge(scene, u * (1 + 1e-6))["why"] == "unbalanced forces"
     assert judging.judge(scene, np.full_like(u, np.nan))["verdict"] == "wrong"
     for start in (-0.65, -0.35):  # beyond the snap, on the way there
         v = np.zeros((3, 2), np.longdouble)

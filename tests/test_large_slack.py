@@ -100,7 +100,7 @@ def test_cables_that_a_load_turns_over_find_their_equilibrium(seed):
 
 
 def test_no_claim_of_displacements_that_leap_away():
-    """A node pushed straight towards its support: 7e6 Gm had been claimed, without balance."""
+    """A node pushed straight towards its support: 7e6 Gm had been claimed, with unbalanced forces."""
     nodes = [[1, -2], [-1, 0], [2, 2], [-2, 0], [1, -1], [-2, 1], [-1, -2]]
     links = [[0, 1], [2, 4], [0, 4], [0, 3], [2, 3], [0, 2], [2, 6], [2, 5], [3, 5]]
     fixed, load = np.zeros((7, 2), bool), np.zeros((7, 2))

@@ -7,7 +7,7 @@ import latinpc
 
 
 def unbalanced(net, found):
-    """Return the largest force without balance, of the lengths that the displacements make."""
+    """Return the largest unbalanced force, of the lengths that the displacements make."""
     start, end = np.array(net["links"]).T
     line = (net["nodes"] + found.displacements)[end] - (net["nodes"] + found.displacements)[start]
     size = np.linalg.norm(line, axis=1)

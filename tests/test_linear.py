@@ -216,7 +216,7 @@ def test_solver_that_gives_up_is_reported(limit):
 
 
 def test_a_reference_of_a_long_chain():
-    """Rounding leaves 1e-8 of the loads without balance: the last full step says that this is all."""
+    """Rounding leaves 1e-8 of the loads unbalanced: the last full step says that this is all."""
     links, k = 20000, 1.0 / 3.0
     nodes, number = np.arange(links + 1.0)[:, None], np.arange(links)
     chain = latinpc.Structure(

@@ -64,7 +64,7 @@ def test_a_value_that_is_no_number_is_said_with_its_option(name, kind):
 
 
 @pytest.mark.parametrize("error", [1e-1, 1e-9])
-def test_the_largest_force_without_balance_is_that_of_equation_1(error):
+def test_the_largest_unbalanced_force_is_that_of_equation_1(error):
     """B^t tau - F at the nodes, from what the result has; the largest one and its node are printed."""
     found = latinpc.Structure.from_scene(grid(), PETSc.COMM_SELF).solve(options={"snes_stol": error})
     structure = found.structure

@@ -135,6 +135,6 @@ def test_what_is_no_error_is_refused(value):
 
 def test_it_is_printed():
     assert re.search(
-        r"error of the displacements [^,]+ %, of the tensions [^,]+ %, forces",
+        r"error of the displacements [^,]+ %, of the tensions [^,]+ %, unbalanced forces",
         command("solve", "tensegrity-grid").stdout,
     )

@@ -143,7 +143,7 @@ def tradeoff(scene, knobs=None, accuracies=ACCURACIES, repeat=3, timeout=180.0, 
         That of `latinpc.bench.compare.describe`, and accuracies, repeat, reference, and curves: each with knob, label,
         method, options, reason (of a failure) and points. A point has accuracy, setup_seconds, solve_seconds,
         peak_memory_bytes, iterations, error_l2, error_energy, error_tension (of the tensions, relative l2 norm),
-        largest_unbalance (the largest force without balance on a node, N), and front: whether no point of any curve
+        largest_unbalance (the largest unbalanced force on a node, N), and front: whether no point of any curve
         is both quicker and more accurate.
     """
     say = progress or (lambda text: None)

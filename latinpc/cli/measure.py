@@ -133,9 +133,7 @@ def _random(comm, count, seed, family, json_file):
     if json_file != "-":
         right = f"relative errors below {rates.SLACK * rates.ASKED:g}"
         if family == "large":
-            right = (
-                f"forces without balance below {turning.UNBALANCED:g} of the loads, stable, on the path of the loads"
-            )
+            right = f"unbalanced forces below {turning.UNBALANCED:g} of the loads, stable, on the path of the loads"
         title = f"{count:,} random structures, seed {seed}; right: {right}"
         numbers = ", ".join(f"{one['number']} ({one['verdict']})" for one in bad[:10])
         print_table(title, rates.layout(document), left=(0,), note=f"bad: {numbers}" if bad else "")

@@ -170,7 +170,7 @@ def _solved(ksp, size, column):
     for vector in (x, b, r):
         vector.destroy()
     if not left <= most:
-        raise RuntimeError(f"form finding: the linear solver leaves forces of {left:.1e} N without balance; {CURE}")
+        raise RuntimeError(f"form finding: the linear solver leaves unbalanced forces of {left:.1e} N; {CURE}")
     return whole
 
 

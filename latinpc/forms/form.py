@@ -98,7 +98,7 @@ class Form:
 
     @property
     def largest_unbalance(self) -> float:
-        """Largest component of a force without balance on a node (N)."""
+        """Largest component of an unbalanced force on a node (N)."""
         return float(np.abs(np.where(self.fixed, 0.0, self._forces + self.load)).max())
 
     @property
@@ -208,7 +208,7 @@ class Form:
             lines.append(("length", _range(self.lengths, "m") + "; give EA for natural lengths"))
         else:
             lines.append(("length", f"{_range(self.lengths, 'm')}; natural {_range(self.natural_lengths, 'm')}"))
-        return [*lines, ("balance", f"forces without balance {self.unbalance:.1e} of the largest force")]
+        return [*lines, ("balance", f"unbalanced forces {self.unbalance:.1e} of the largest force")]
 
     def _drawn(self):
         """Return what pictures and files for ParaView read, without the need of EA."""
@@ -270,7 +270,7 @@ def form_find(
     mass : (n,) array_like of float, or float, optional
         Lumped masses of the nodes (kg) of the structure, for its modes; they are no loads.
     error : float
-        Of a form of natural lengths: the largest force without balance, over the largest force.
+        Of a form of natural lengths: the largest unbalanced force, relative to the largest force.
     options : mapping, optional
         PETSc options by name: of the KSP of the force densities, whose prefix is ``form_``, as ``{"form_pc_type":
         "latin", "form_ksp_type": "cg"}`` (a direct factor by default), and of the SNES of natural lengths.

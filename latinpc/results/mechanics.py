@@ -117,7 +117,7 @@ def reactions(scene, tensions, load=None):
 
 
 def largest_unbalance(scene, tensions, load=None):
-    """Return the largest force without balance on a node, |B^t tau - F| at the free components, equation (1), in N."""
+    """Return the largest unbalanced force on a node, |B^t tau - F| at the free components, equation (1), in N."""
     return float(np.linalg.norm(np.where(scene.fixed, 0.0, _left(scene, tensions, load)), axis=1).max(initial=0.0))
 
 

@@ -14,8 +14,8 @@ __all__ = ["DECOMPOSITION", "Reported", "in_words", "plain", "problem", "reason_
 DECOMPOSITION = ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")
 
 _WORDS = {
-    "CONVERGED_FNORM_ABS": "the forces without balance are below the absolute tolerance",
-    "CONVERGED_FNORM_RELATIVE": "the forces without balance are small enough",
+    "CONVERGED_FNORM_ABS": "the unbalanced forces are below the absolute tolerance",
+    "CONVERGED_FNORM_RELATIVE": "the unbalanced forces are small enough",
     "CONVERGED_ITS": "the iterations that were asked for are made",
     "DIVERGED_MAX_IT": "the iterations that are allowed were not enough",
     "DIVERGED_FUNCTION_COUNT": "the linear stages that -snes_max_funcs allows were not enough",
@@ -64,7 +64,7 @@ def in_words(report: dict) -> str:
     name = report["reason"]
     if name == "CONVERGED_SNORM_RELATIVE":
         if report["estimated_error"] is not None:
-            return "the estimated error of the displacements and the forces without balance are small enough"
+            return "the estimated error of the displacements and the unbalanced forces are small enough"
         return "the displacements hardly change any more"
     if name == "CONVERGED_ITS" and report["solver"].startswith("ksponly"):
         return "the linear solve has converged"
@@ -121,5 +121,5 @@ class Reported:
 
     @property
     def largest_unbalance(self) -> float | None:
-        """Largest force without balance on a node (N); ``report["unbalanced_node"]`` is the node."""
+        """Largest unbalanced force on a node (N); ``report["unbalanced_node"]`` is the node."""
         return self.report["largest_unbalance"]

@@ -73,7 +73,7 @@ def _counts(report):
     error = (
         f"estimated error {report['estimated_error']:.1e} ({norm}), " if report["estimated_error"] is not None else ""
     )
-    lines.append(("norms", f"{error}forces without balance {report['residual_norm']:.1e} N"))
+    lines.append(("norms", f"{error}unbalanced forces {report['residual_norm']:.1e} N"))
     return lines
 
 
@@ -91,7 +91,7 @@ def _cost(cost):
 
 
 def _accuracy(result):
-    """Return the estimated error, where there is one, and what is without balance, beside the loads and in N."""
+    """Return the estimated error, where there is one, and the unbalanced forces, relative to the loads and in N."""
     parts, report = [], result.report
     if report["estimated_error"] is not None:
         parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
@@ -101,7 +101,7 @@ def _accuracy(result):
     beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
     largest = report["largest_unbalance"]
     where = f" at node {result.structure.node_name(report['unbalanced_node'])}" if largest else ""
-    return ", ".join([*parts, f"forces without balance{beside}, at most {quantity(largest, 'N')}{where}"])
+    return ", ".join([*parts, f"unbalanced forces{beside}, at most {quantity(largest, 'N')}{where}"])
 
 
 def _digits(lost):

@@ -1,4 +1,4 @@
-"""Equilibria of links that turn as far as they go: numpy alone, forces without balance in long double.
+"""Equilibria of links that turn as far as they go: numpy alone, unbalanced forces in long double.
 
 A link bears the tension of its law at the strain |r| - l + e0 along the vector r between its nodes, l its length as
 drawn. Loads and prescribed displacements grow from zero in increments that Newton's method follows; an equilibrium is
@@ -71,7 +71,7 @@ class Corotational:
         return r / size[:, None], size, tension, slope
 
     def unbalance(self, u, factor=1.0):
-        """Return the forces without balance at the free degrees of freedom (N), in long double."""
+        """Return the unbalanced forces at the free degrees of freedom (N), in long double."""
         n, _, tension, _ = self.state(u)
         left = factor * self.load
         np.add.at(left, self.first, tension[:, None] * n)

@@ -218,7 +218,7 @@ class _Coulomb(_Search):
         return normal < 0, size <= -mu * normal * (1 if given is None else 1 - SLIPS), -mu * normal
 
     def _coulomb(self, u, centre, given=None):
-        """Return the matrix of Newton's method, the forces without balance, and the tensions."""
+        """Return the matrix of Newton's method, the unbalanced forces, and the tensions."""
         strains = self._strains(u)
         tensions = [self._spring(i, strains) for i in range(self.links)]
         slopes = [(i, i, self._piece(i, strains[i])[0]) for i in range(self.links) if i not in self.normals]

@@ -18,7 +18,7 @@ from latinpc.scenes import make
 from .corotational import Corotational
 
 OPTIONS = {"snes_latin_error": 1e-8, "snes_latin_balance": 1e-9}  #: what the judge asks for
-UNBALANCED = 1e-8  #: of the loads: forces without balance that an equilibrium may leave
+UNBALANCED = 1e-8  #: of the loads: unbalanced forces that an equilibrium may leave
 NEAR = 1e-6  # relative distance of equal displacements
 DEFLECTION = (2e-3, 0.2)  # of the size
 SLACK = 0.3  # of the cables
@@ -111,16 +111,16 @@ def judge(scene, u):
     Returns
     -------
     dict
-        verdict; u, the relative distance from the end of the path, and tension, what is without balance beside the
-        loads. `elsewhere` is a stable equilibrium beside that where the structure is at rest, no further than `CLICK`:
-        where slack cables let nodes click over. Further it is wrong: the structure has snapped through.
+        verdict; u, the relative distance from the end of the path, and tension, the unbalanced forces relative to
+        the loads. `elsewhere` is a stable equilibrium beside that where the structure is at rest, no further than
+        `CLICK`: where slack cables let nodes click over. Further it is wrong: the structure has snapped through.
     """
     if not np.isfinite(u).all():
         return {"verdict": "wrong"}
     equations, loads = Corotational(scene), np.linalg.norm(scene.load)
     found = {"tension": float(np.linalg.norm(equations.unbalance(u.astype(np.longdouble)))) / (loads or 1.0)}
     if found["tension"] > UNBALANCED:
-        return found | {"verdict": "wrong", "why": "forces without balance"}
+        return found | {"verdict": "wrong", "why": "unbalanced forces"}
     if not equations.stable(u.astype(np.longdouble)):
         return found | {"verdict": "wrong", "why": "the tangent stiffness is not positive definite"}
     path = equations.follow()

@@ -47,7 +47,7 @@ def _timed(task, scene, reference, tolerance):
 
 
 def _forces(scene, displacements, reference):
-    """Return the error of the tensions and the largest force without balance, where displacements give the forces."""
+    """Return the error of the tensions and the largest unbalanced force, where displacements give the forces."""
     if scene.geometry != "linear" or (scene.law > Law.COMPRESSION_ONLY).any():
         return {"error_tension": None, "largest_unbalance": None}
     found = tensions(scene, displacements)

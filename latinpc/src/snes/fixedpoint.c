@@ -207,7 +207,7 @@ static PetscErrorCode SNESLatinDifferences_Private(Latin latin, const PetscReal 
 }
 
 /*
-   The forces that subdomains exert on each other, from what their copies of a node leave without balance, g, less the mean of
+   The forces that subdomains exert on each other, from the unbalanced forces g on their copies of a node, less the mean of
    the node: with an interface between any two of m copies (g_j - g_i) / m from j on i. Where interfaces are left out, as
    in variant none, others pass these forces on: the least ones, by conjugate gradients in all nodes at once. Collective on latin
 */
@@ -258,8 +258,8 @@ static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, Pe
 }
 
 /*
-   The state of the displacements u: links bear what their laws make of u, rigid ones nothing, and interfaces what
-   subdomains then leave without balance. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a link; that of a solution
+   The state of the displacements u: links bear what their laws make of u, rigid ones nothing, and interfaces the
+   unbalanced forces of the subdomains. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a link; that of a solution
    is a fixed point. Collective on snes
 */
 static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)

@@ -18,7 +18,7 @@
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
 #define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
 #define LATIN_LARGE_RATE   0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or the links that change, or it creeps */
+#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the unbalanced forces halve, or the links that change, or it creeps */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -208,7 +208,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   PetscFunctionReturn(0);
 }
 
-/* The norm of the forces without balance that a claim may leave */
+/* The largest norm of the unbalanced forces at convergence */
 static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -300,7 +300,7 @@ static PetscInt LatinLargeMost(const LatinLarge *large)
 }
 
 /*
-   Does Newton's method creep? After set-up k neither the forces without balance nor the links that change are half of what they were some set-ups
+   Does Newton's method creep? After set-up k neither the unbalanced forces nor the links that change are half of what they were some set-ups
    before; `least` has the least of both so far. Not collective
 */
 static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[][2])
@@ -318,7 +318,7 @@ static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal
   return creeps;
 }
 
-/* The forces that the displacements u leave without balance, before tensions go ahead. Collective on snes */
+/* The norm of the unbalanced forces at the displacements u, before tensions go ahead. Collective on snes */
 static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left)
 {
   Vec r;
@@ -332,8 +332,8 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
 }
 
 /*
-   Newton's method, at most so many times with operators of the tangent stiffness. shows: it starts at u, where `left` is without balance, so that its first step shows
-   the error there. Collective on snes
+   Newton's method, at most so many times with operators of the tangent stiffness. shows: it starts at u, with unbalanced forces of norm `left`, so that its first step
+   shows the error there. Collective on snes
 */
 static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool shows, PetscReal left, PetscBool *done)
 {

@@ -187,7 +187,7 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
-/* Forces without balance of the tensions, `ahead` of a step ahead. Collective on snes */
+/* Unbalanced forces of the tensions, `ahead` of a step ahead. Collective on snes */
 static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior *point, PetscReal ahead)
 {
   const LatinStructure structure = point->structure;

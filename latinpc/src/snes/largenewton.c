@@ -11,7 +11,7 @@
    the last local stage, so that these say which cables are slack, and not the lengths. No cable changes to and fro as it turns, and nets half of whose cables change take a few whole
    steps. Where many have changed since, operators are made anew: each takes a linear iteration at most, and all together longer than a set-up.
 
-   What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
+   The unbalanced forces after a step, in the norm of the operators, say how much of the step is left as error: they are
    linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
    eigenvalue that the linear solve has seen; in time steps, whose tangents are not symmetric, by the least singular value. Cables that change between taut and slack leave more, so that the step must be small itself. Where it
    takes stiffness from links the operators have them as too stiff, and one more is taken: a front of cables that slacken one after the other goes on
@@ -117,7 +117,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscFunctionReturn(0);
 }
 
-/* What the laws themselves leave without balance at u, and its norm. Collective on newton */
+/* The unbalanced forces of the laws themselves at u, and their norm. Collective on newton */
 static PetscErrorCode LatinLargeLeft_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
 {
   const LatinStructure   structure = large->frame->turns;
@@ -162,7 +162,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   else if (small) large->error = tensions = 1.0;
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, u, &far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
-  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
+  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, unbalanced forces %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
                       (double)large->balance));
   if (large->frame->turns->strain) PetscCall(LatinFrameChanged_Private(large->frame, large->frame->turns->strain, &large->changed));
   data->estimate.tensions   = large->ahead ? tensions : -1.0;

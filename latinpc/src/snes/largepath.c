@@ -28,7 +28,7 @@
 #define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 #define LATIN_PATH_LEAST     1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_PART      0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
-#define LATIN_PATH_DRAWN     1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_DRAWN     1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
 #define LATIN_PATH_LEFT      0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
 #define LATIN_PATH_ASKED     3    /* and solves for what is left show that it does not */
 #define LATIN_PATH_TARGETS   16   /* each at most half as far as the one before, and none closer than the least increment */
