@@ -88,7 +88,7 @@ LARGE = {
         "linear stages",
         "Saddles of 60 and 100 meshes take 140 and 630 ms, with 30 for all 180 and 730; 0.15: one of 300 creeps.",
     ),
-    "LATIN_LARGE_CREEP": (
+    "LATIN_LARGE_STAGNATION": (
         "set-ups",
         "Without it nets of 60 and 100 meshes in the wind take 19 and 24 set-ups, not 10 and 9; with 2 more stages.",
     ),
@@ -183,7 +183,7 @@ LARGE = {
         "of forces on all nodes",
         "A solve leaves a hundredth as a rule; a bar that hangs loose left 0.7.",
     ),
-    "LATIN_PATH_ASKED": ("linear solves", "The second one shows the mechanism; a third one for a second."),
+    "LATIN_PATH_REFINEMENTS": ("linear solves", "The second one shows the mechanism; a third one for a second."),
     "LATIN_PATH_PART": (
         "of the loads",
         "A chain of bars that yield under a fourteenth of the loads, and struts that lean on each other, start there.",

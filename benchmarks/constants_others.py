@@ -25,7 +25,7 @@ OTHERS = {
         " that of the last ones alone says less of soft modes.",
     ),
     "LATIN_CASE_RATE": ("of a stage", "As `LATIN_ESTIMATE_RATE`."),
-    "LATIN_HIDES": (
+    "LATIN_UNBALANCE_ROUNDING": (
         "of the loads",
         "Two of 3,000 structures with rigid links or friction move millions of times farther than they are large, and "
         "are wrong and called right without.",
@@ -52,7 +52,7 @@ OTHERS = {
         "of the diagonal",
         "A stiffness below it is rounding: 45 eps, as a factor of so few digits is no factor.",
     ),
-    "LATIN_NEWTON_SEEN": (
+    "LATIN_NEWTON_FLOOR_GREATEST": (
         "of the greatest stiffness",
         "What a slack link keeps must be more than a mechanism, or the factorisation stops: three times as much.",
     ),
@@ -176,7 +176,7 @@ OTHERS = {
         "Seven digits are left for what soft links bear; more made a random structure fail beside links of 1e-4 N/m.",
     ),
     "LATIN_MULTIPLIER_TIMES": ("problems", "A bound that solvable structures do not meet: net 30 takes 6."),
-    "LATIN_FALL_WINDOW": (
+    "LATIN_COLLAPSE_WINDOW": (
         "linear stages",
         "One of many looks at balance that a collapse takes; of 80 arches beyond their limit 78 end before all stages.",
     ),
@@ -241,7 +241,7 @@ OTHERS = {
         "Of 3,000 structures next to collapse 8 are wrong and called right without, 1 with. A lattice of 561 nodes "
         "takes 7 stages in the place of 9 and twice the time, 13 ms; larger structures pay the same share for less.",
     ),
-    "LATIN_NEWTON_DOUBTS": (
+    "LATIN_NEWTON_SAFETY_MOST": (
         "ratio",
         "A bound on the digits asked of linear solves, beside the target of 1e-4 their rounding.",
     ),

@@ -278,7 +278,7 @@ TUNING = {
             "another solution of one case with rigid links."
         ),
     ),
-    "LATIN_NEWTON_STILL": Tuning(
+    "LATIN_NEWTON_STAGNANT": Tuning(
         "steps",
         "steps at rest that are believed",
         (*SLACK, *CONTRAST, *UPLIFT, *EXTREMES[:2]),

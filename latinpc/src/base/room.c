@@ -27,7 +27,7 @@ static PetscReal LatinPageTime(char *room, int advice)
    Touches huge pages until the fault of one takes longer than those of small pages. This happens on virtual machines that return free
    memory to their host by huge pages: the next fault waits for the host, a hundred times as long as reading the page
 */
-static void LatinRoomPages(char *room, size_t bytes)
+static void LatinRoomHugePages(char *room, size_t bytes)
 {
   const PetscReal small = LatinPageTime(room, MADV_NOHUGEPAGE);
   size_t          at    = LATIN_PAGE;
@@ -45,7 +45,7 @@ PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **room)
   if (!bytes) bytes = 1;
   PetscCheck(!posix_memalign(room, bytes < LATIN_PAGE ? LATIN_LINE : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for %g bytes", (double)bytes);
 #if defined(MADV_HUGEPAGE)
-  if (early >= 2 * LATIN_PAGE) LatinRoomPages((char *)*room, early);
+  if (early >= 2 * LATIN_PAGE) LatinRoomHugePages((char *)*room, early);
 #endif
   PetscFunctionReturn(0);
 }
@@ -62,15 +62,15 @@ PetscErrorCode LatinRoomDestroy_Private(void **room)
    Returns free pages to the system after `bytes` bytes have been freed. The C library does so by itself, but not in a process with
    SuperLU_DIST, as of a PETSc with this package: freed memory would add to later peaks
 */
-void LatinRoomReturn(size_t bytes)
+void LatinRoomTrim(size_t bytes)
 {
 #if defined(__GLIBC__)
   if (bytes >= 2 * LATIN_PAGE) (void)malloc_trim(0);
 #endif
 }
 
-/* Returns whole pages inside these bytes to the system; they read as zeros until written again. *first to *last: the bytes returned, none if the system refuses */
-static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
+/* Discards whole pages inside these bytes; they read as zeros until written again. *first to *last: the bytes returned, none if the system refuses */
+static void LatinRoomDiscard(char *room, size_t bytes, char **first, char **last)
 {
   *first = *last = room;
 #if defined(MADV_DONTNEED)
@@ -84,12 +84,12 @@ static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
 #endif
 }
 
-/* Releases the memory of bytes that are needed no longer; any part of an array */
-void LatinRoomEmpty(void *room, size_t bytes)
+/* Releases memory that is no longer needed to the system; any part of an array */
+void LatinRoomRelease(void *room, size_t bytes)
 {
   char *first, *last;
 
-  LatinRoomGo((char *)room, bytes, &first, &last);
+  LatinRoomDiscard((char *)room, bytes, &first, &last);
 }
 
 /* Zeros bytes, large parts by returning their pages */
@@ -98,7 +98,7 @@ void LatinRoomZero(void *room, size_t bytes)
   char *start = (char *)room, *first = start, *last = start;
 
   if (!bytes) return;
-  if (bytes >= LATIN_PAGE) LatinRoomGo(start, bytes, &first, &last);
+  if (bytes >= LATIN_PAGE) LatinRoomDiscard(start, bytes, &first, &last);
   memset(start, 0, (size_t)(first - start));
   memset(last, 0, (size_t)(start + bytes - last));
 }

@@ -9,8 +9,8 @@
 
 PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **);
 PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);
-PETSC_INTERN void           LatinRoomReturn(size_t bytes);
-PETSC_INTERN void           LatinRoomEmpty(void *room, size_t bytes);
+PETSC_INTERN void           LatinRoomTrim(size_t bytes);
+PETSC_INTERN void           LatinRoomRelease(void *room, size_t bytes);
 PETSC_INTERN void           LatinRoomZero(void *room, size_t bytes);
 
 #endif

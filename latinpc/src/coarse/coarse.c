@@ -118,7 +118,7 @@ static PetscErrorCode LatinCoarseDestroy_Private(LatinCoarse *coarse)
 }
 
 /* Product of the shell that replaces a released local matrix: an error, as monitors of the coarse KSP may call it */
-static PetscErrorCode LatinCoarseSpent_Mat(Mat A, Vec x, Vec y)
+static PetscErrorCode LatinCoarseReleased_Mat(Mat A, Vec x, Vec y)
 {
   PetscFunctionBegin;
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "The matrix of the coarse problem was released after its factorisation and has no product: for residuals of its solver, as monitors show them, choose -snes_latin_coarse_pc_factor_mat_solver_type mumps");
@@ -130,18 +130,18 @@ static PetscErrorCode LatinCoarseSpent_Mat(Mat A, Vec x, Vec y)
    the matrix; else after it. Matrices are kept if a later set-up may reuse the pattern, or if they are small, for products of
    monitors. Collective on coarse->ksp
 */
-static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ahead)
+static PetscErrorCode LatinCoarseReleaseLocal_Private(LatinCoarse *coarse, PetscBool ahead)
 {
-  PetscBool        spend = (PetscBool)(coarse->tree && coarse->top_size > LATIN_REDUNDANT && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
+  PetscBool        release = (PetscBool)(coarse->tree && coarse->top_size > LATIN_REDUNDANT && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
   PetscObjectState state;
   Mat              empty;
 
   PetscFunctionBegin;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &spend, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)coarse->ksp)));
-  if (!spend) PetscFunctionReturn(0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &release, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)coarse->ksp)));
+  if (!release) PetscFunctionReturn(0);
   PetscCall(MatCreateShell(PETSC_COMM_SELF, coarse->parts, coarse->parts, coarse->parts, coarse->parts, NULL, &empty));
-  PetscCall(MatShellSetOperation(empty, MATOP_MULT, (void (*)(void))LatinCoarseSpent_Mat));
-  if (ahead) PetscCall(PetscObjectCompose((PetscObject)coarse->A, LATIN_TREE_SPENT, (PetscObject)empty));
+  PetscCall(MatShellSetOperation(empty, MATOP_MULT, (void (*)(void))LatinCoarseReleased_Mat));
+  if (ahead) PetscCall(PetscObjectCompose((PetscObject)coarse->A, LATIN_TREE_RELEASED, (PetscObject)empty));
   else {
     PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
     PetscCall(MatISSetLocalMat(coarse->A, empty));
@@ -187,11 +187,11 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* PCGAMG would replace the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
-  PetscCall(LatinCoarseSpend_Private(coarse, PETSC_TRUE));
+  PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_TRUE));
   if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* no rows if each connected component is one group */
   PetscCall(VecDestroy(&coarse->whole));
-  PetscCall(LatinCoarseSpend_Private(coarse, PETSC_FALSE));
-  if (coarse->tree) LatinRoomReturn((size_t)coarse->parts * (size_t)coarse->parts * sizeof(PetscScalar));
+  PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_FALSE));
+  if (coarse->tree) LatinRoomTrim((size_t)coarse->parts * (size_t)coarse->parts * sizeof(PetscScalar));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -97,8 +97,8 @@ typedef struct {
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
 /* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
-#define LATIN_TREE       "latintree"      /* a MatSolverType */
-#define LATIN_TREE_SPENT "LatinTreeSpent" /* key of an object composed with a MATIS: the shell that replaces its local matrix once the factorisation has read it. The factor is provisional, and may be rounded */
+#define LATIN_TREE          "latintree"         /* a MatSolverType */
+#define LATIN_TREE_RELEASED "LatinTreeReleased" /* key of an object composed with a MATIS: the shell that replaces its local matrix once the factorisation has read it. The factor is provisional, and may be rounded */
 PETSC_INTERN PetscErrorCode LatinTreeRegister(void);
 PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
 

@@ -40,7 +40,7 @@ static void LatinContributionEmpty(const LatinContribution *block, PetscInt mess
 {
   const size_t start = LatinPanelSize(1, block->n, LATIN_FRONT_PANEL * message), end = LatinPanelSize(1, block->n, PetscMin(LATIN_FRONT_PANEL * (message + 1), block->n));
 
-  LatinRoomEmpty(block->a + start, (end - start) * sizeof(*block->a));
+  LatinRoomRelease(block->a + start, (end - start) * sizeof(*block->a));
 }
 
 /* Starts to send all of it to the rank of the joint */
@@ -258,7 +258,7 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContri
   for (size_t c = 0; c < n; c++)
     for (size_t r = c; r < n; r++) block->a[LatinLowerAt(tree->rest, (PetscInt)c) + r] = from[r + (size_t)ld * c];
   if (owners > 1) PetscCall(MatDestroy(&block->part));
-  else LatinRoomEmpty(from + LatinPanelSize(1, tree->rest, tree->rest), ((size_t)ld * n - LatinPanelSize(1, tree->rest, tree->rest)) * sizeof(*from));
+  else LatinRoomRelease(from + LatinPanelSize(1, tree->rest, tree->rest), ((size_t)ld * n - LatinPanelSize(1, tree->rest, tree->rest)) * sizeof(*from));
   PetscFunctionReturn(0);
 }
 

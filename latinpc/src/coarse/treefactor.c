@@ -3,22 +3,22 @@
 
 /* The MatSolverType LATIN_TREE of a MATIS whose local matrices have all rows that their ranks own: the factor of tree.h as PETSc's. */
 
-/* The local matrix of A, to be destroyed; where A has another one composed (LATIN_TREE_SPENT), this takes its place: *spend */
-static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K, PetscBool *spend)
+/* The local matrix of A, to be destroyed; *release: a shell composed with A (LATIN_TREE_RELEASED) replaces it */
+static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K, PetscBool *release)
 {
   PetscObjectState state;
-  Mat              local, spent;
+  Mat              local, shell;
 
   PetscFunctionBegin;
   PetscCall(MatISGetLocalMat(A, &local));
   *K = local;
   PetscCall(PetscObjectReference((PetscObject)local));
   PetscCall(MatISRestoreLocalMat(A, &local));
-  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_TREE_SPENT, (PetscObject *)&spent));
-  *spend = (PetscBool)(spent != NULL);
-  if (!spent) PetscFunctionReturn(0);
+  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_TREE_RELEASED, (PetscObject *)&shell));
+  *release = (PetscBool)(shell != NULL);
+  if (!shell) PetscFunctionReturn(0);
   PetscCall(PetscObjectStateGet((PetscObject)A, &state));
-  PetscCall(MatISSetLocalMat(A, spent));
+  PetscCall(MatISSetLocalMat(A, shell));
   PetscCall(PetscObjectStateSet((PetscObject)A, state)); /* the factor stays */
   PetscFunctionReturn(0);
 }

@@ -265,8 +265,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   sum = judge.sum;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnheld_Private(PetscObjectComm((PetscObject)structure), &judge.unheld, found));
-  found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
-  PetscCall(LatinGapError_Private(&balance, u, size, found->still, &missed));
+  found->at_rest = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
+  PetscCall(LatinGapError_Private(&balance, u, size, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
 
   found->balanced = (PetscBool)(sum.error == 0.0);

@@ -92,7 +92,7 @@ typedef struct {
   PetscReal    forces;             /* unbalance with rounding, relative to the forces of links and loads at nodes: relative error of the tensions */
   PetscReal    missed;             /* error by missed gaps of rigid links and by unheld nodes, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* the unbalance is all rounding */
-  PetscBool    still;              /* a motion at rest: rounding of the forces moves the structure by more than the target error */
+  PetscBool    at_rest;            /* a motion at rest: rounding of the forces moves the structure by more than the target error */
   PetscInt     nodes;              /* unheld nodes, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* the lowest of their global numbers */
   PetscReal    distance;           /* length by which they move until a link stops them */

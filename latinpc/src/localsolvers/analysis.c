@@ -205,18 +205,18 @@ static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Ma
 }
 
 /*
-   Which rows are kept: those that are asked for, and of their nodes those that are coupled to nothing, as prescribed
+   Which rows are kept: the requested ones, and of their nodes those that are coupled to nothing, as prescribed
    displacements are. *whole: nodes of bs rows are then kept as wholes, or not at all
 */
 static PetscErrorCode LatinCholeskyKept_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscBool *whole)
 {
   PetscFunctionBegin;
   *whole     = PETSC_TRUE;
-  data->kept = data->asked;
+  data->kept = data->schur_rows;
   PetscCall(PetscArrayzero(data->keep, data->n));
-  for (PetscInt k = 0; k < data->asked; k++) data->keep[data->ask[k]] = PETSC_TRUE;
-  for (PetscInt k = 0; k < data->asked; k++)
-    for (PetscInt node = data->ask[k] / bs, r = bs * node; r < bs * (node + 1); r++) {
+  for (PetscInt k = 0; k < data->schur_rows; k++) data->keep[data->schur_row[k]] = PETSC_TRUE;
+  for (PetscInt k = 0; k < data->schur_rows; k++)
+    for (PetscInt node = data->schur_row[k] / bs, r = bs * node; r < bs * (node + 1); r++) {
       if (data->keep[r]) continue;
       if (i[r + 1] - i[r] > 1 || (i[r + 1] > i[r] && j[i[r]] != r)) *whole = PETSC_FALSE;
       else {
@@ -229,7 +229,7 @@ static PetscErrorCode LatinCholeskyKept_Private(LatinSupernodes *data, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fronts of the factor of A, for the rows that are asked for */
+/* The fronts of the factor of A, for the requested rows of the Schur complement */
 PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *data, Mat A)
 {
   const PetscInt *i, *j;

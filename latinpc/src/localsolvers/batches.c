@@ -201,7 +201,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
 }
 
 /* Passes the callbacks of the owner of the matrix entries to the factor of a batch with a Schur complement */
-static PetscErrorCode LatinLocalSpends_Private(LatinLocalSolvers *solvers, PetscInt i)
+static PetscErrorCode LatinLocalCallback_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
   PC  pc;
   Mat F;
@@ -209,7 +209,7 @@ static PetscErrorCode LatinLocalSpends_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionBegin;
   PetscCall(KSPGetPC(solvers->ksp[i], &pc));
   PetscCall(PCFactorGetMatrix(pc, &F));
-  PetscCall(LatinCholeskySpends(F, solvers->spending));
+  PetscCall(LatinCholeskySetCallback(F, solvers->callback));
   PetscFunctionReturn(0);
 }
 
@@ -236,7 +236,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
-    if (solvers->rest[i]) PetscCall(LatinLocalSpends_Private(solvers, i));
+    if (solvers->rest[i]) PetscCall(LatinLocalCallback_Private(solvers, i));
     if (larger && !tangent) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
     if (larger && !tangent) PetscCall(LatinCholeskyPrecision(pc, &serves));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));

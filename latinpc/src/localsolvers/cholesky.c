@@ -27,17 +27,17 @@ static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], con
   }
 }
 
-/* Of the Schur complement of all kept rows, the lower triangle of which is given one column after the other, that of the rows that are asked for, in place */
-static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, PetscScalar S[])
+/* Extracts the requested rows and columns from the Schur complement of all kept rows, in place: lower triangles, one column after the other */
+static PetscErrorCode LatinCholeskyExtract_Private(const LatinSupernodes *data, PetscScalar S[])
 {
-  const PetscInt m = data->asked;
+  const PetscInt m = data->schur_rows;
   PetscInt      *at;
 
   PetscFunctionBegin;
   if (m == data->kept) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(m, &at));
   for (PetscInt row = 0, k = 0, c = 0; c < m; row++) {
-    if (data->ask[c] == row) at[c++] = k;
+    if (data->schur_row[c] == row) at[c++] = k;
     if (data->keep[row]) k++;
   }
   for (PetscInt c = 0; c < m; c++)
@@ -61,10 +61,10 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
-  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->spending, data->schur, &bad));
-  if (!data->gives) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
-  if (!data->gives) LatinLowerMirror(data->asked, data->schur);
-  if (data->asked && !data->gives) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, data->schur, &F->schur));
+  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->callback, data->schur, &bad));
+  if (!data->gives) PetscCall(LatinCholeskyExtract_Private(data, data->schur));
+  if (!data->gives) LatinLowerMirror(data->schur_rows, data->schur);
+  if (data->schur_rows && !data->gives) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->schur_rows, data->schur_rows, data->schur, &F->schur));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
@@ -175,21 +175,21 @@ PetscErrorCode LatinCholeskyGives(Mat F)
   PetscFunctionReturn(0);
 }
 
-/* Who owns the entries of its matrix is told when they may go, see LatinSpending */
-PetscErrorCode LatinCholeskySpends(Mat F, LatinSpending spending)
+/* Sets the callback that releases the entries of its matrix, see LatinEntriesCallback */
+PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
 {
   PetscFunctionBegin;
-  ((LatinSupernodes *)F->data)->spending = spending;
+  ((LatinSupernodes *)F->data)->callback = callback;
   PetscFunctionReturn(0);
 }
 
-/* Hands the lower triangle of the Schur complement over, *S (of the rows that were asked for, see LatinLowerAt()), with room for both, which the caller frees: it may be as large as the factor, and is used once */
+/* Hands the lower triangle of the Schur complement over, *S (of the requested rows, see LatinLowerAt()), with room for both, which the caller frees: it may be as large as the factor, and is used once */
 PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
-  if (data->schur) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
+  if (data->schur) PetscCall(LatinCholeskyExtract_Private(data, data->schur));
   *S          = data->schur;
   data->schur = NULL;
   PetscFunctionReturn(0);
@@ -200,7 +200,7 @@ PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
   PetscFunctionBegin;
   PetscCall(LatinCholeskyGiveLower(F, S));
-  if (*S) LatinLowerMirror(((LatinSupernodes *)F->data)->asked, *S);
+  if (*S) LatinLowerMirror(((LatinSupernodes *)F->data)->schur_rows, *S);
   PetscFunctionReturn(0);
 }
 
@@ -301,16 +301,16 @@ static PetscErrorCode LatinCholeskyKeep_Private(Mat F, IS is)
   const PetscInt  *rows;
 
   PetscFunctionBegin;
-  PetscCall(ISGetLocalSize(is, &data->asked));
+  PetscCall(ISGetLocalSize(is, &data->schur_rows));
   PetscCall(ISGetIndices(is, &rows));
-  PetscCall(PetscFree(data->ask));
-  PetscCall(PetscMalloc1(data->asked, &data->ask));
-  PetscCall(PetscArraycpy(data->ask, rows, data->asked));
+  PetscCall(PetscFree(data->schur_row));
+  PetscCall(PetscMalloc1(data->schur_rows, &data->schur_row));
+  PetscCall(PetscArraycpy(data->schur_row, rows, data->schur_rows));
   PetscCall(ISRestoreIndices(is, &rows));
-  PetscCall(PetscSortInt(data->asked, data->ask));
+  PetscCall(PetscSortInt(data->schur_rows, data->schur_row));
   PetscCall(MatDestroy(&F->schur)); /* one without entries, for PETSc looks whether there is one */
   PetscCall(MatCreate(PETSC_COMM_SELF, &F->schur));
-  PetscCall(MatSetSizes(F->schur, data->asked, data->asked, data->asked, data->asked));
+  PetscCall(MatSetSizes(F->schur, data->schur_rows, data->schur_rows, data->schur_rows, data->schur_rows));
   PetscFunctionReturn(0);
 }
 
@@ -354,7 +354,7 @@ static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
   CHOLMOD(free_factor)(&data->L, &data->common);
   CHOLMOD(finish)(&data->common);
   PetscCall(PetscFree(data->keep));
-  PetscCall(PetscFree(data->ask));
+  PetscCall(PetscFree(data->schur_row));
   PetscCall(PetscFree(data->diagonal));
   PetscCall(MatDestroy(&F->schur));
   PetscCall(PetscFree(data->schur));

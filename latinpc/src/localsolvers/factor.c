@@ -218,7 +218,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
    Contraction of the error by a step of iterative refinement with the factor, in the energy norm, with clamped kept rows: the larger
    one of two steps, from a pseudorandom displacement in which all stiffnesses take part. Collective on A
 */
-static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left)
+static PetscErrorCode LatinContraction_Private(KSP ksp, Mat A, IS kept, PetscReal *contraction)
 {
   Vec         b, v, w;
   PC          pc;
@@ -236,7 +236,7 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
   if (kept) PetscCall(VecISSet(b, kept, 0.0));
   PetscCall(KSPSolve(ksp, b, v));
   PetscCall(VecDot(b, v, &before));
-  *left = PETSC_SMALL;
+  *contraction = PETSC_SMALL;
   for (PetscInt k = 0; k < 2; k++) {
     PetscCall(MatMult(A, v, w));
     PetscCall(VecAXPY(b, -1.0, w));
@@ -248,10 +248,10 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
       PetscCall(KSPSolve(ksp, b, v));
       PetscCall(VecDot(b, v, &after));
     }
-    *left  = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
-    before = after;
+    *contraction = before > 0.0 && after >= 0.0 ? PetscMax(*contraction, PetscSqrtReal(after / before)) : 1.0;
+    before       = after;
   }
-  PetscCall(PetscInfo(ksp, "factor in single precision: a solve contracts the error to %g\n", (double)*left));
+  PetscCall(PetscInfo(ksp, "factor in single precision: a solve contracts the error to %g\n", (double)*contraction));
   PetscCall(VecDestroy(&b));
   PetscCall(VecDestroy(&v));
   PetscCall(VecDestroy(&w));
@@ -272,7 +272,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   for (*rounding = 0.0;; *rounding = 0.0) {
     PetscCall(LatinCholeskyPrecision(pc, &precision));
     if (precision == LATIN_DOUBLE) break;
-    PetscCall(LatinLeft_Private(ksp, A, kept, rounding));
+    PetscCall(LatinContraction_Private(ksp, A, kept, rounding));
     if (*rounding < LATIN_ROUNDED_CONTRACTION) break;
     PetscCall(LatinCholeskyAgain(pc, A, precision - 1));
   }

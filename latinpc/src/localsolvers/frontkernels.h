@@ -66,7 +66,7 @@ static void FRONT(LatinFrontAssembleChild)(const LatinFronts *F, FRONT(LatinFron
   for (end = from; end < later && work->at[row[end]] < last;) end++;
   for (PetscInt r = n - 1; r >= from; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
   FRONT(LatinExtendAdd)(n, from, end, to, work->end, block, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
-  if (once) LatinRoomEmpty(block + LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from), (LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, end) - LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from)) * sizeof(*block));
+  if (once) LatinRoomRelease(block + LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from), (LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, end) - LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from)) * sizeof(*block));
 }
 
 /* The same for all children; where memory is released, a panel of columns at a time */
@@ -130,7 +130,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
       if (first) memmove(to, from, (size_t)rows * sizeof(*from));
       for (PetscInt r = 0; r < c - first; r++) to[r] = 0;
     }
-    if (once && c + 1 == first + LATIN_FRONT_PANEL) LatinRoomEmpty(panel + (size_t)height * (size_t)first, (size_t)height * LATIN_FRONT_PANEL * sizeof(*panel));
+    if (once && c + 1 == first + LATIN_FRONT_PANEL) LatinRoomRelease(panel + (size_t)height * (size_t)first, (size_t)height * LATIN_FRONT_PANEL * sizeof(*panel));
   }
   return PETSC_TRUE;
 }
@@ -176,14 +176,14 @@ static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWor
 }
 
 /* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */
-static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, LatinSpending spending, LatinEntries *entries, PetscReal S[], PetscInt *bad)
+static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, LatinEntriesCallback callback, LatinEntries *entries, PetscReal S[], PetscInt *bad)
 {
   PetscFunctionBegin;
   for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
     if (F->kept && F->columns[f] && F->n - F->kept - F->first[f] <= entries->rows) {
       entries->rows /= 2;
-      LatinRoomEmpty(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*work->stack));
-      if (spending.tell) PetscCall(LatinEntriesSpend_Private(F, F->first[f], work->place, spending, entries));
+      LatinRoomRelease(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*work->stack));
+      if (callback.call) PetscCall(LatinEntriesRelease_Private(F, F->first[f], work->place, callback, entries));
     }
     if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, entries->i, entries->j, entries->a, S)) *bad = F->order[F->first[f]];
   }
@@ -195,7 +195,7 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
 }
 
 /* All of the factorisation, see LatinFrontsFactor() */
-static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending spending, PetscReal S[], PetscInt *bad)
+static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinEntriesCallback callback, PetscReal S[], PetscInt *bad)
 {
   LatinEntries entries = {.i = i, .j = j, .a = a, .rows = (F->n - F->kept) / 2};
   FRONT(LatinFrontsWork)
@@ -210,7 +210,7 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   PetscCall(PetscMalloc1(F->kept ? (size_t)F->tallest * LATIN_BATCH_COLUMNS : 0, &work.some));
   PetscCall(PetscMalloc5(F->fronts, &work.block, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
-  PetscCall(FRONT(LatinFrontsEliminate)(F, &work, spending, &entries, S, bad));
+  PetscCall(FRONT(LatinFrontsEliminate)(F, &work, callback, &entries, S, bad));
   PetscCall(LatinEntriesFree_Private(&entries));
   PetscCall(PetscFree5(work.block, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.some));

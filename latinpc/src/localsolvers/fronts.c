@@ -88,7 +88,7 @@ PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscR
       for (size_t k = first; k < last; k++) ((double *)F->factor)[k] = (double)L[k];
     else
       for (size_t k = first; k < last; k++) ((float *)F->factor)[k] = (float)L[k];
-    LatinRoomEmpty(L + first, (last - first) * sizeof(*L));
+    LatinRoomRelease(L + first, (last - first) * sizeof(*L));
   }
   memset((char *)F->factor + bytes, 0, LATIN_LINE);
   PetscFunctionReturn(0);
@@ -149,8 +149,8 @@ static PetscErrorCode LatinEntriesFree_Private(LatinEntries *entries)
   PetscFunctionReturn(0);
 }
 
-/* Those of rows from `first` on in the order of elimination, place[] of each row, are copied, of each pair across the diagonal the one that is read; and the others go */
-static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt first, const PetscInt place[], LatinSpending spending, LatinEntries *entries)
+/* Those of rows from `first` on in the order of elimination, place[] of each row, are copied, of each pair across the diagonal the one that is read; all others are released */
+static PetscErrorCode LatinEntriesRelease_Private(const LatinFronts *F, PetscInt first, const PetscInt place[], LatinEntriesCallback callback, LatinEntries *entries)
 {
   LatinEntries all = *entries;
   PetscInt     n   = 0;
@@ -175,9 +175,9 @@ static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt f
   entries->j = entries->own_j;
   entries->a = entries->own_a;
   if (all.own_i) {
-    LatinRoomEmpty(all.own_a, (size_t)all.i[F->n] * sizeof(*all.a));
+    LatinRoomRelease(all.own_a, (size_t)all.i[F->n] * sizeof(*all.a));
     PetscCall(LatinEntriesFree_Private(&all));
-  } else PetscCall(spending.tell(spending.owner, PETSC_FALSE));
+  } else PetscCall(callback.call(callback.owner, PETSC_FALSE));
   PetscFunctionReturn(0);
 }
 
@@ -199,11 +199,11 @@ static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt f
 #define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
 
 /*
-   The precision that pays. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
+   The precision that takes the least time. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
    of the time, and displacements as soft as those of plates and beams are not expected. Kept rows do not count: the edge of a
    plate is as long as a separator of a solid
 */
-static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
+static LatinArithmetic LatinFrontsPrecision(const LatinFronts *F)
 {
   PetscBool solid;
   PetscInt  tallest = 0;
@@ -224,13 +224,13 @@ static size_t LatinFrontsEarly(const LatinFronts *F, LatinArithmetic precision)
    The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S becomes the Schur
    complement of the kept rows, in the order of elimination: its lower triangle, see LatinLowerAt(). *bad: a row in the first front that is not positive definite, -1 if there is none
 */
-PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending spending, PetscReal S[], PetscInt *bad)
+PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinEntriesCallback callback, PetscReal S[], PetscInt *bad)
 {
-  const LatinSpending none = {.tell = NULL};
+  const LatinEntriesCallback none = {.call = NULL};
 
   PetscFunctionBegin;
   *bad = -1;
-  if (precision == LATIN_BY_SIZE) precision = LatinFrontsPay(F);
+  if (precision == LATIN_BY_SIZE) precision = LatinFrontsPrecision(F);
   for (PetscBool again = PETSC_TRUE; again; again = (PetscBool)(*bad >= 0 && precision-- != LATIN_DOUBLE)) {
     const size_t bytes = precision == LATIN_ROUNDED ? F->panel[F->fronts] * sizeof(float) : F->reach * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
 
@@ -239,17 +239,17 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     LatinRoomZero(S, (LatinLowerAt(F->kept, F->kept) + (size_t)F->kept) * sizeof(*S)); /* it is filled last, as fronts grow tall */
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
-      LatinRoomReturn(bytes);
+      LatinRoomTrim(bytes);
       PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, LatinFrontsEarly(F, precision), &F->factor)); /* solves read it from end to end */
       F->room = 0;
     }
     F->precision = precision;
-    if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, spending, S, bad));
-    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, precision == LATIN_DOUBLE ? none : spending, S, bad)); /* who checks a factor in double precision asks for its matrix */
-    if (*bad >= 0 && precision != LATIN_DOUBLE && spending.tell) PetscCall(spending.tell(spending.owner, PETSC_TRUE));
+    if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, callback, S, bad));
+    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, precision == LATIN_DOUBLE ? none : callback, S, bad)); /* who checks a factor in double precision asks for its matrix */
+    if (*bad >= 0 && precision != LATIN_DOUBLE && callback.call) PetscCall(callback.call(callback.owner, PETSC_TRUE));
     memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
-  if (F->kept) LatinRoomReturn(F->stack * sizeof(float)); /* what they leave is as large; elsewhere what comes later takes the place */
+  if (F->kept) LatinRoomTrim(F->stack * sizeof(float)); /* what they leave is as large; elsewhere what comes later takes the place */
   PetscFunctionReturn(0);
 }
 

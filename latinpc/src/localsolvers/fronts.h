@@ -73,7 +73,7 @@ static inline PetscBool LatinFrontPivot(double pivot)
 }
 
 PETSC_INTERN PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *);
-PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending, PetscReal S[], PetscInt *bad);
+PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinEntriesCallback, PetscReal S[], PetscInt *bad);
 PETSC_INTERN PetscErrorCode LatinFrontsFill(LatinFronts *, LatinArithmetic, PetscReal L[]);
 PETSC_INTERN PetscErrorCode LatinFrontsSolve(LatinFronts *, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinFrontsSolveSome(LatinFronts *, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);

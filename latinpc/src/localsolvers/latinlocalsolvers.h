@@ -55,11 +55,11 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(Mat, PetscInt rows, const Pe
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
 #define LATIN_ORDER       "LatinOrder" /* name of the order of elimination composed on a matrix, an IS */
 #define LATIN_FRONT_LANES 16           /* interleaved right-hand sides: in single precision they fill a vector register of 512 bits */
-/* Callback to the owner of the entries of a matrix, which the last fronts do not read: the owner may free them, or (again) must restore them */
+/* Callback of the owner of the entries of a matrix, which the last fronts do not read: releases them, or restores them (again) */
 typedef struct {
-  PetscErrorCode (*tell)(void *owner, PetscBool again); /* NULL: the entries are kept */
+  PetscErrorCode (*call)(void *owner, PetscBool again); /* NULL: the entries are kept */
   void *owner;
-} LatinSpending;
+} LatinEntriesCallback;
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
@@ -67,7 +67,7 @@ PETSC_INTERN PetscErrorCode LatinCholeskyEnergy(PC, Vec b, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyGives(Mat);
-PETSC_INTERN PetscErrorCode LatinCholeskySpends(Mat, LatinSpending);
+PETSC_INTERN PetscErrorCode LatinCholeskySetCallback(Mat, LatinEntriesCallback);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveLower(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
@@ -127,7 +127,7 @@ typedef struct LatinLocalSolvers {
   const PetscBool                *keeps;              /* [batches] has the factor a Schur complement? NULL: all have, of all interface dofs, and linear stages test their precision */
   const struct LatinLocalSolvers *like;               /* solvers of the same rows without the clamped ones: their order of elimination is reused; NULL: none */
   LatinPrecision                  precision;          /* allowed for factors, whose rounding errors linear stages correct */
-  LatinSpending                   spending;           /* for the entries of the only operator */
+  LatinEntriesCallback            callback;           /* releases the entries of the only operator */
   PetscReal                       rounding;           /* largest contraction of the error by factors of this rank; 0: in double precision */
   Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
   KSP                            *ksp;

@@ -35,7 +35,7 @@ PetscErrorCode LatinCholeskyGives(Mat F)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskySpends(Mat F, LatinSpending spending)
+PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

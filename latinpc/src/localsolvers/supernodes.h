@@ -17,18 +17,18 @@
 #endif
 
 typedef struct {
-  cholmod_common  common;
-  cholmod_factor *L;                           /* during the symbolic analysis only */
-  PetscInt       *order, *first, *begin, *row; /* its results for the fronts */
-  LatinFronts     fronts;
-  PetscInt        n, kept;     /* rows; kept ones, the last in the order of elimination */
-  PetscBool      *keep;        /* [n] kept: rows of the Schur complement, and uncoupled rows of their nodes */
-  PetscInt        asked, *ask; /* [asked] rows of the Schur complement, ascending */
-  LatinArithmetic precision;   /* requested */
-  PetscReal      *diagonal;    /* [kept] of the matrix */
-  PetscReal      *schur;       /* entries of F->schur, until they are given away; or (gives) its lower triangle, for that alone */
-  PetscBool       gives;
-  LatinSpending   spending; /* of the entries of the matrix */
+  cholmod_common       common;
+  cholmod_factor      *L;                           /* during the symbolic analysis only */
+  PetscInt            *order, *first, *begin, *row; /* its results for the fronts */
+  LatinFronts          fronts;
+  PetscInt             n, kept;                /* rows; kept ones, the last in the order of elimination */
+  PetscBool           *keep;                   /* [n] kept: rows of the Schur complement, and uncoupled rows of their nodes */
+  PetscInt             schur_rows, *schur_row; /* [schur_rows] rows of the Schur complement, ascending */
+  LatinArithmetic      precision;              /* requested */
+  PetscReal           *diagonal;               /* [kept] of the matrix */
+  PetscReal           *schur;                  /* entries of F->schur, until they are given away; or (gives) its lower triangle, for that alone */
+  PetscBool            gives;
+  LatinEntriesCallback callback; /* releases the entries of the matrix */
 } LatinSupernodes;
 
 PETSC_INTERN PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *, Mat);

@@ -16,7 +16,7 @@ static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure struc
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)snes), &ranks));
   PetscCall(LatinNewtonStart_Private(&data->newton, structure));
   *suit = (PetscBool)(ranks == 1 && data->newton.finish && !data->newton.contrast && !structure->general && !structure->ground && !structure->span);
-  *suit = (PetscBool)(*suit && (data->asked == LATIN_STOP_ERROR || (data->asked == LATIN_STOP_AUTO && !SNESLatinStolGiven(snes))));
+  *suit = (PetscBool)(*suit && (data->requested == LATIN_STOP_ERROR || (data->requested == LATIN_STOP_AUTO && !SNESLatinStolGiven(snes))));
   *suit = (PetscBool)(*suit && data->warm == LATIN_WARM_START_NONE && !data->reference && !(data->large.given && data->large.geometry != LATIN_GEOMETRY_LINEAR));
   *suit = (PetscBool)(*suit && !data->monitor && !snes->numbermonitors && !snes->conv_hist && !(snes->ops->converged && snes->ops->converged != SNESConvergedDefault));
   PetscFunctionReturn(0);

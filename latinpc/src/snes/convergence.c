@@ -175,7 +175,7 @@ static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, Pets
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
   if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
-  if (LatinNextConverged(next) && data->found.still && data->found.balanced) return PETSC_FALSE;                           /* nothing moves, so that no step is relatively small: balance is the proof */
+  if (LatinNextConverged(next) && data->found.at_rest && data->found.balanced) return PETSC_FALSE;                         /* nothing moves, so that no step is relatively small: balance is the proof */
   if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE; /* multipliers meet gaps more accurately; not in statics, where the coordinates round gaps */
   return data->newton.contrast;                                                                                            /* rounding limits Newton's method as well, unless the contrast of stiffnesses causes it */
 }
@@ -204,7 +204,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
-  else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
+  else if (SNESLatinUnbalanceRounded(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
   else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
@@ -222,14 +222,14 @@ static PetscBool SNESLatinGrows(SNES snes)
 }
 
 /* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Collective on snes */
-static PetscErrorCode SNESLatinFalls_Private(SNES snes, LatinNext *next)
+static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
 {
-  SNES_Latin *data   = (SNES_Latin *)snes->data;
-  PetscBool   fallen = PETSC_FALSE;
+  SNES_Latin *data      = (SNES_Latin *)snes->data;
+  PetscBool   collapsed = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (data->newton.steps && SNESLatinBalances(snes) && data->latin->linear.applications % LATIN_FALL_WINDOW == 0) PetscCall(SNESLatinFallen_Private(snes, &fallen));
-  if (fallen) *next = LATIN_NEXT_DIVERGED;
+  if (data->newton.steps && SNESLatinBalances(snes) && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
+  if (collapsed) *next = LATIN_NEXT_DIVERGED;
   PetscFunctionReturn(0);
 }
 
@@ -246,7 +246,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinFalls_Private(snes, next));
+  if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinCollapse_Private(snes, next));
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   stalled = LatinNewtonStalled(&data->newton, measure, target);
   if (SNESLatinStalls(data, stalled, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;

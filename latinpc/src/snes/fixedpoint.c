@@ -159,7 +159,7 @@ PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &is, SNESANDERSON, SNESNGMRES, "")); /* not every one survives a SNESReset() */
   if (is) PetscCall(SNESReset(data->outer));
   PetscCall(VecGetLocalSize(data->z, &n));
-  if (is) LatinRoomReturn(2 * LATIN_OUTER_DEPTH * (size_t)n * sizeof(PetscScalar)); /* what Newton's method takes need not be where they were */
+  if (is) LatinRoomTrim(2 * LATIN_OUTER_DEPTH * (size_t)n * sizeof(PetscScalar)); /* what Newton's method takes need not be where they were */
   PetscFunctionReturn(0);
 }
 

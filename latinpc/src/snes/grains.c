@@ -7,18 +7,18 @@
 */
 
 /* Has a structure with friction collapsed? Displacements are larger than the structure, and forces do not balance. Collective on snes */
-PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
+PetscErrorCode SNESLatinCollapsed_Private(SNES snes, PetscBool *collapsed)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
   PetscReal            loads;
 
   PetscFunctionBegin;
-  *fallen = PETSC_FALSE;
+  *collapsed = PETSC_FALSE;
   if (!structure->rubs || structure->ground) PetscFunctionReturn(0);
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
-  if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, fallen));
+  if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, collapsed));
   PetscFunctionReturn(0);
 }
 
@@ -94,12 +94,12 @@ PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *
   PetscReal           *bears;
 
   PetscFunctionBegin;
-  if (!structure->rubs || structure->ground || data->newton.type == LATIN_NEWTON_NEVER || data->newton.asked || !(grains || due)) PetscFunctionReturn(0);
+  if (!structure->rubs || structure->ground || data->newton.type == LATIN_NEWTON_NEVER || data->newton.collapse_searched || !(grains || due)) PetscFunctionReturn(0);
   if (data->newton.grains) PetscCall(LatinGrainsClosed_Private(structure, &closed));
   if (grains && stalled && closed) due = PETSC_TRUE;
-  if (!due && data->latin->linear.applications % LATIN_FALL_WINDOW == 0) PetscCall(SNESLatinFallen_Private(snes, &due));
+  if (!due && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &due));
   if (!due) PetscFunctionReturn(0);
-  data->newton.asked = PETSC_TRUE;
+  data->newton.collapse_searched = PETSC_TRUE;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &bears));
   PetscCall(LatinNewtonCones_Private(data->latin, &data->newton, snes->vec_rhs, bears, &held));
   if (held && closed) PetscCall(LatinGrainsHold_Private(structure, data->target, bears, &held));

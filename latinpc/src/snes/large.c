@@ -9,16 +9,16 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_NEAR   2e-2 /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR    0.01 /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
-#define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
-#define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE   0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the unbalanced forces halve, or the links that change, or it creeps */
+#define LATIN_LARGE_NEAR       2e-2 /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR        0.01 /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_WINDOW     8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW       2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
+#define LATIN_LARGE_MOST       40   /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
+#define LATIN_LARGE_LONG       20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
+#define LATIN_LARGE_COST       30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED      5.0  /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE       0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_STAGNATION 3    /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -29,7 +29,7 @@ static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
   large->window = window;
-  large->seen   = 0;
+  large->stages = 0;
   large->least  = PETSC_MAX_REAL;
   large->before = 1.0;
 }
@@ -54,7 +54,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
-  large->unstable = large->crept = large->stateless = large->iterated = PETSC_FALSE;
+  large->unstable = large->newton_failed = large->stateless = large->iterated = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
@@ -79,12 +79,12 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
   PetscFunctionBegin;
   *due         = PETSC_FALSE;
   large->least = PetscMin(large->least, measure);
-  if (++large->seen < large->window) PetscFunctionReturn(0);
+  if (++large->stages < large->window) PetscFunctionReturn(0);
   gain          = PetscLogReal(large->before / large->least);
   left          = PetscLogReal(large->least / goal);
   large->before = PetscMin(large->before, large->least);
   large->least  = PETSC_MAX_REAL;
-  large->seen   = 0;
+  large->stages = 0;
   if (!large->renewals && !large->frame->turns->midpoint) { /* masses hold what slack cables do not */
     PetscCall(PetscMalloc1(2 * links, &at));
     PetscCall(DMGetGlobalVector(large->frame->dm, &u));
@@ -209,7 +209,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 }
 
 /* The largest norm of the unbalanced forces at convergence */
-static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
+static PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame;
@@ -300,22 +300,22 @@ static PetscInt LatinLargeMost(const LatinLarge *large)
 }
 
 /*
-   Does Newton's method creep? After set-up k neither the unbalanced forces nor the links that change are half of what they were some set-ups
+   Does Newton's method stagnate? After set-up k neither the unbalanced forces nor the links that change are half of what they were some set-ups
    before; `least` has the least of both so far. Not collective
 */
-static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[][2])
+static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[][2])
 {
   const PetscReal now[2] = {PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force, (PetscReal)large->changed}, enough[2] = {large->balance, 0.0};
-  PetscBool       creeps = PETSC_TRUE;
+  PetscBool       stagnates = PETSC_TRUE;
 
   for (PetscInt i = 0; i < 2; i++) {
-    PetscReal      *here   = &least[k % LATIN_LARGE_CREEP][i];
-    const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : *here;
+    PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION][i];
+    const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
 
-    *here = k ? PetscMin(now[i], least[(k - 1) % LATIN_LARGE_CREEP][i]) : now[i];
-    if (*here <= PetscMax(0.5 * before, enough[i])) creeps = PETSC_FALSE;
+    *here = k ? PetscMin(now[i], least[(k - 1) % LATIN_LARGE_STAGNATION][i]) : now[i];
+    if (*here <= PetscMax(0.5 * before, enough[i])) stagnates = PETSC_FALSE;
   }
-  return creeps;
+  return stagnates;
 }
 
 /* The norm of the unbalanced forces at the displacements u, before tensions go ahead. Collective on snes */
@@ -332,15 +332,15 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
 }
 
 /*
-   Newton's method, at most so many times with operators of the tangent stiffness. shows: it starts at u, with unbalanced forces of norm `left`, so that its first step
-   shows the error there. Collective on snes
+   Newton's method, at most so many times with operators of the tangent stiffness. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
+   measures the error there. Collective on snes
 */
-static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool shows, PetscReal left, PetscBool *done)
+static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool measures, PetscReal left, PetscBool *done)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
   PetscInt    steps = 1;
-  PetscReal   least[LATIN_LARGE_CREEP][2];
+  PetscReal   least[LATIN_LARGE_STAGNATION][2];
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
@@ -348,13 +348,13 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
     PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
     if (*done || !near) continue;
-    if (!k && shows) PetscCall(PetscArraycpy(large->shown, large->first_step, 2));
-    if (!k && shows && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->shown[0] <= data->target && LATIN_LARGE_SAFETY * large->shown[1] <= SNESLatinTensionTarget(data)) {
+    if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
+    if (!k && measures && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
       PetscCall(VecCopy(u, snes->vec_sol));
-      data->estimate.tensions = LATIN_LARGE_SAFETY * large->shown[1];
-      PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->shown[0], LATIN_NEXT_CONVERGED));
+      data->estimate.tensions = LATIN_LARGE_SAFETY * large->iteration_error[1];
+      PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->iteration_error[0], LATIN_NEXT_CONVERGED));
       *done = PETSC_TRUE;
-    } else if (LatinLargeCreeps(large, k, least)) break;
+    } else if (LatinLargeStagnates(large, k, least)) break;
   }
   PetscFunctionReturn(0);
 }
@@ -370,25 +370,25 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
   LatinStructure structure = large->frame->turns;
   PetscInt       renewals  = large->renewals;
-  PetscBool      shows;
+  PetscBool      measures;
   PetscReal      left = PETSC_MAX_REAL;
   Vec            u;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeLeaves_Private(snes));
+  PetscCall(SNESLatinLargeBalance_Private(snes));
   PetscCall(DMGetGlobalVector(large->frame->dm, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
   if (near) PetscCall(LatinLargeForces_Private(snes, u, &left));
   PetscCall(SNESLatinLargeAhead_Private(snes, near));
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
-  shows       = large->slow;
+  measures    = large->slow;
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
-  PetscCall(LatinLargeTangents_Private(snes, u, times, near, shows, left, done));
+  PetscCall(LatinLargeTangents_Private(snes, u, times, near, measures, left, done));
   structure->ahead = structure->strain = NULL;
   large->changed                       = 0;
   PetscCall(PetscFree(large->ahead));
-  if (!*done && !(large->iterated && shows && !large->unstable && large->first_step[0] < large->shown[0])) PetscCall(VecCopy(u, snes->vec_sol));
+  if (!*done && !(large->iterated && measures && !large->unstable && large->first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
   if (!*done && near && (large->renewals > renewals || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
@@ -404,15 +404,15 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-  large->shown[0] = large->shown[1] = 0.0;
-  large->iterated                   = PETSC_TRUE;
+  large->iteration_error[0] = large->iteration_error[1] = 0.0;
+  large->iterated                                       = PETSC_TRUE;
   PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, done));
   large->iterated = PETSC_FALSE;
   if (*done) PetscFunctionReturn(0);
-  data->current = -1;
-  large->crept  = PETSC_TRUE;
+  data->current        = -1;
+  large->newton_failed = PETSC_TRUE;
   large->near *= LATIN_LARGE_FAR;
-  PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
+  PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
   data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* displacements that leap away rest nowhere */
@@ -428,7 +428,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   PetscBool   done  = PETSC_FALSE, rests;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeLeaves_Private(snes));
+  PetscCall(SNESLatinLargeBalance_Private(snes));
   PetscCall(SNESLatinLargeRests_Private(snes, &rests));
   if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
   while (!done) {
@@ -436,7 +436,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      if (!large->renewals || large->crept || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+      if (!large->renewals || large->newton_failed || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
       else PetscCall(SNESLatinLargeProve_Private(snes, &done));
     } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
     else done = PETSC_TRUE;

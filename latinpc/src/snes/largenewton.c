@@ -118,7 +118,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
 }
 
 /* The unbalanced forces of the laws themselves at u, and their norm. Collective on newton */
-static PetscErrorCode LatinLargeLeft_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
+static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
 {
   const LatinStructure   structure = large->frame->turns;
   const PetscReal *const strain    = structure->strain;
@@ -147,7 +147,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscFunctionBegin;
   PetscCall(SNESGetSolution(newton, &u));
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(LatinLargeLeft_Private(newton, large, u, r, &fnorm));
+  PetscCall(LatinLargeUnbalance_Private(newton, large, u, r, &fnorm));
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPGetConvergedReason(ksp, &linear));
   PetscCall(SNESGetLinearSolveIterations(newton, &stages));

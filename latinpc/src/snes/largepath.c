@@ -21,18 +21,18 @@
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
-#define LATIN_PATH_SOFT      4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
-#define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
-#define LATIN_PATH_STIFFENS  1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
-#define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
-#define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
-#define LATIN_PATH_LEAST     1e-4 /* increments of the loads: smaller ones show a limit point */
-#define LATIN_PATH_PART      0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
-#define LATIN_PATH_DRAWN     1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
-#define LATIN_PATH_LEFT      0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
-#define LATIN_PATH_ASKED     3    /* and solves for what is left show that it does not */
-#define LATIN_PATH_TARGETS   16   /* each at most half as far as the one before, and none closer than the least increment */
-#define LATIN_PATH_NONE      1e-9 /* of the size of the structure: displacements that are none */
+#define LATIN_PATH_SOFT        4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
+#define LATIN_PATH_KINK        1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
+#define LATIN_PATH_STIFFENS    1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
+#define LATIN_PATH_CURVE       3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
+#define LATIN_PATH_CORRECTED   30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
+#define LATIN_PATH_LEAST       1e-4 /* increments of the loads: smaller ones show a limit point */
+#define LATIN_PATH_PART        0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
+#define LATIN_PATH_DRAWN       1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_LEFT        0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
+#define LATIN_PATH_REFINEMENTS 3    /* and solves for what is left, steps of iterative refinement, show that it does not */
+#define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
+#define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
 
 /* Can any link bear compression? Collective on structure */
 static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts)
@@ -105,7 +105,7 @@ static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, 
   PetscCall(MatMult(K, path->step, other));
   PetscCall(LatinPathLoose_Private(structure, other, path->step));
   PetscCall(VecNorm(path->step, NORM_2, &force));
-  for (PetscInt k = 0; k < LATIN_PATH_ASKED && moved < PETSC_MAX_REAL && left > LATIN_PATH_LEFT * force; k++) {
+  for (PetscInt k = 0; k < LATIN_PATH_REFINEMENTS && moved < PETSC_MAX_REAL && left > LATIN_PATH_LEFT * force; k++) {
     PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
     PetscCall(MatMult(K, other, forces));
     PetscCall(VecAXPY(path->step, -1.0, forces));

@@ -15,27 +15,27 @@
    excludes slack links, and is rebuilt when the active set has changed.
 
    The energy is convex, so that a line search makes the method converge from any start. Linear solves are inexact: they stop at
-   the error asked for; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
+   the requested error; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES   300                            /* most linear stages predicted: with more, the iteration stalls */
-#define LATIN_NEWTON_RIGID    5000                           /* the same with rigid links, for which Newton's method solves several problems */
-#define LATIN_NEWTON_WINDOW   20                             /* linear stages over which the contraction rate is measured */
-#define LATIN_NEWTON_CONTRAST 1e6                            /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
-#define LATIN_NEWTON_RTOL     1e-2                           /* rtol of a linear solve while the active set changes */
-#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5)   /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
-#define LATIN_NEWTON_PROOF    0.5                            /* relative residual of a linear solve below which its iterate measures the error */
-#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
-#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* the same, at least, relative to the greatest stiffness */
-#define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
-#define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_FULL     12                             /* full steps before the line search: if they converge, they do so soon */
-#define LATIN_NEWTON_SLOW     4                              /* first step at which slow convergence triggers the search for a collapse: the step changes more than half as many links as the one before */
-#define LATIN_NEWTON_GAIN     0.5                            /* with a fixed active set, a step that reduces the error by less than this shows rounding */
-#define LATIN_NEWTON_DOUBTS   1e8                            /* upper bound of `doubt` */
-#define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
-#define LATIN_NEWTON_OWN      3000                           /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_STILL    10                             /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
+#define LATIN_NEWTON_STAGES         300                            /* most linear stages predicted: with more, the iteration stalls */
+#define LATIN_NEWTON_RIGID          5000                           /* the same with rigid links, for which Newton's method solves several problems */
+#define LATIN_NEWTON_WINDOW         20                             /* linear stages over which the contraction rate is measured */
+#define LATIN_NEWTON_CONTRAST       1e6                            /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
+#define LATIN_NEWTON_RTOL           1e-2                           /* rtol of a linear solve while the active set changes */
+#define LATIN_NEWTON_TIGHT          LatinByPrecision(1e-9, 1e-5)   /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
+#define LATIN_NEWTON_PROOF          0.5                            /* relative residual of a linear solve below which its iterate measures the error */
+#define LATIN_NEWTON_FLOOR          LatinByPrecision(1e-8, 1e-5)   /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
+#define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)        /* the same, at least, relative to the greatest stiffness: less is a mechanism to the factorisation */
+#define LATIN_NEWTON_LINEAR         500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
+#define LATIN_NEWTON_STEPS          200                            /* most steps; with half as many a case of the catalogue is refused */
+#define LATIN_NEWTON_FULL           12                             /* full steps before the line search: if they converge, they do so soon */
+#define LATIN_NEWTON_SLOW           4                              /* first step at which slow convergence triggers the search for a collapse: the step changes more than half as many links as the one before */
+#define LATIN_NEWTON_GAIN           0.5                            /* with a fixed active set, a step that reduces the error by less than this shows rounding */
+#define LATIN_NEWTON_SAFETY_MOST    1e8                            /* largest safety factor on the relative residual of a linear solve */
+#define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
+#define LATIN_NEWTON_OWN            3000 /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
+#define LATIN_NEWTON_STAGNANT       10   /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -44,14 +44,14 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscBool own = PETSC_FALSE;
 
   PetscFunctionBegin;
-  newton->seen = newton->steps = newton->stages = 0;
-  newton->last                                  = PETSC_MAX_INT;
+  newton->iterations = newton->steps = newton->stages = 0;
+  newton->last                                        = PETSC_MAX_INT;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall  = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
-  newton->grains = (PetscBool)(structure->rubs && !(most > 0.0));
-  newton->asked  = PETSC_FALSE;
+  newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
+  newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
+  newton->collapse_searched = PETSC_FALSE;
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
@@ -69,7 +69,7 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
   PetscReal       now;
 
   newton->least[0] = PetscMin(newton->least[0], measure);
-  if (++newton->seen % LATIN_NEWTON_WINDOW) return PETSC_FALSE;
+  if (++newton->iterations % LATIN_NEWTON_WINDOW) return PETSC_FALSE;
   now              = PetscMin(newton->least[0], newton->least[1]);
   newton->least[2] = newton->least[1];
   newton->least[1] = newton->least[0];
@@ -99,7 +99,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
-  if (newton->doubt * newton->left * PetscMax(size, newton->known * newton->size) > newton->target * newton->size) PetscFunctionReturn(0);
+  if (newton->safety * newton->left * PetscMax(size, newton->known * newton->size) > newton->target * newton->size) PetscFunctionReturn(0);
   PetscCall(KSPBuildResidual(ksp, NULL, NULL, &r));
   PetscCall(VecNorm(r, NORM_2, &size));
   PetscCall(VecDestroy(&r));
@@ -126,7 +126,7 @@ static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionReturn(0);
 }
 
-/* Does a correction, by one more linear stage, contradict convergence? Then newton->doubt tightens the linear solves by its ratio to the target. Collective on snes */
+/* Does a correction, by one more linear stage, contradict convergence? Then its ratio to the target raises newton->safety, which tightens the linear solves. Collective on snes */
 static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
 {
   PetscReal error, times;
@@ -138,8 +138,8 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   newton->error = PetscMax(newton->error, error);
   times         = PetscMax(error / newton->target, newton->tensions / newton->tension_target);
   if (times <= 1.0) PetscFunctionReturn(0);
-  *claims       = PETSC_FALSE;
-  newton->doubt = PetscMin(PetscMax(times, 2.0) * newton->doubt, LATIN_NEWTON_DOUBTS);
+  *claims        = PETSC_FALSE;
+  newton->safety = PetscMin(PetscMax(times, 2.0) * newton->safety, LATIN_NEWTON_SAFETY_MOST);
   PetscFunctionReturn(0);
 }
 
@@ -199,10 +199,10 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
 }
 
 /*
-   Is there an equilibrium at all? Asked once a solve, if Newton's method converges slowly; counts as its steps. Needs PC latin: the
+   Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly; counts as its steps. Needs PC latin: the
    operators have no entries for other preconditioners. Collective on newton->snes
 */
-PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
+PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
 {
   PetscInt  steps, stages;
   PetscBool latin, held;
@@ -214,8 +214,8 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
-  newton->asked = PETSC_TRUE;
+  if (newton->collapse_searched || !newton->tangent || !latin) PetscFunctionReturn(0);
+  newton->collapse_searched = PETSC_TRUE;
   if (newton->structure->rubs) {
     PetscCall(LatinNewtonCones_Private(newton->latin, newton, more, newton->tension, &held));
     PetscFunctionReturn(0);
@@ -266,8 +266,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
   PetscCall(SNESGetLinearSolveIterations(snes, &stages));
   if (!it) {
-    changes       = newton->linear ? 0 : 1;
-    newton->still = newton->small = 0;
+    changes          = newton->linear ? 0 : 1;
+    newton->stagnant = newton->small = 0;
   } else {
     PetscCall(SNESGetJacobian(snes, NULL, &P, NULL, NULL));
     PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
@@ -276,9 +276,9 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* a shortened step: links have changed along it */
     newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
-    if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
-    else newton->still = 0;
-    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
+    if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->stagnant++;
+    else newton->stagnant = 0;
+    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
     newton->known = changes ? 0.0 : newton->error;
     creeps        = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
@@ -288,7 +288,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* no error reduction with a fixed active set */
   claims   = (PetscBool)(it && !creeps && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
-                       (!newton->still || newton->still > LATIN_NEWTON_STILL));
+                       (!newton->stagnant || newton->stagnant > LATIN_NEWTON_STAGNANT));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -297,7 +297,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;
-  if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* direct solvers do not call the test that sets it */
@@ -433,14 +433,14 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
-  newton->floor    = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* 0 without a stall: no mechanism is near, and a step is exact */
-  newton->linear   = (PetscBool)!newton->latin->sub.nonsmooth_global;
-  newton->error    = newton->latin->linear.indicator;
-  newton->known    = known;
-  newton->left     = 0.0;
-  newton->doubt    = 1.0;
-  newton->tensions = -1.0;
-  newton->asked    = PETSC_FALSE;
+  newton->floor             = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_FLOOR_GREATEST * most) : 0.0; /* 0 without a stall: no mechanism is near, and a step is exact */
+  newton->linear            = (PetscBool)!newton->latin->sub.nonsmooth_global;
+  newton->error             = newton->latin->linear.indicator;
+  newton->known             = known;
+  newton->left              = 0.0;
+  newton->safety            = 1.0;
+  newton->tensions          = -1.0;
+  newton->collapse_searched = PETSC_FALSE;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));

@@ -17,7 +17,7 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
-  LatinStopType     stop  = data->asked;
+  LatinStopType     stop  = data->requested;
   PetscReal         error = data->target, balance = data->balance;
   PetscBool         set;
   PetscViewer       viewer;
@@ -91,7 +91,7 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
   data                  = (SNES_Latin *)snes->data;
-  data->asked           = stop;
+  data->requested       = stop;
   data->stop            = stop == LATIN_STOP_AUTO ? LATIN_STOP_ERROR : stop;
   data->estimate.energy = (PetscBool)(stop == LATIN_STOP_ENERGY);
   PetscFunctionReturn(0);
@@ -121,7 +121,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
   data = (SNES_Latin *)snes->data;
-  if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* even with a step tolerance */
+  if (data->requested == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* even with a step tolerance */
   data->target = error;
   data->chosen = PETSC_TRUE;
   PetscFunctionReturn(0);

@@ -3,10 +3,10 @@
 /* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference; the inner SNES; residual */
 
 /*
-   Restores the operators and penalties of a new object before a solve from rest. With those at the end of the last solve the path may lead to
+   Restores the initial operators and penalties before a solve from rest. With those at the end of the last solve the path may lead to
    another equilibrium, or to none; so may the search parameter of a failed solve. Collective on snes
 */
-static PetscErrorCode SNESLatinAfresh_Private(SNES snes)
+static PetscErrorCode SNESLatinRestore_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
@@ -36,12 +36,12 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
   *problem = structure;
   if (!structure->span) {
     PetscCall(LatinStructureDestroy(&large->frame));
-    PetscCall(SNESLatinAfresh_Private(snes));
+    PetscCall(SNESLatinRestore_Private(snes));
     PetscFunctionReturn(0);
   }
   if (large->frame) {
     PetscCall(LatinFrameFollow_Private(large->frame));
-    PetscCall(SNESLatinAfresh_Private(snes));
+    PetscCall(SNESLatinRestore_Private(snes));
   } else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
   if (large->frame->spring && !(data->warm && data->has_state)) PetscCall(LatinFrameSprings_Private(large->frame, PETSC_TRUE));
   *problem = large->frame;

@@ -254,7 +254,7 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s%s\n", LatinStopTypes[data->stop], data->asked == LATIN_STOP_AUTO ? ", chosen by auto" : ""));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s%s\n", LatinStopTypes[data->stop], data->requested == LATIN_STOP_AUTO ? ", chosen by auto" : ""));
   if (SNESLatinEstimates(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "estimated error below %g in the %s norm\n", (double)data->target, data->estimate.energy ? "energy" : "l2"));
   if (data->latin->sub.structure && SNESLatinBalances(snes)) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced forces below %g of the loads\n", (double)data->balance));
   if (data->unbalance > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "unbalanced force on a node below %g\n", (double)data->unbalance));

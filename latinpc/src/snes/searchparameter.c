@@ -28,7 +28,7 @@
 
 static void LatinParameterClear(LatinParameter *parameter)
 {
-  parameter->seen = 0;
+  parameter->stages = 0;
   for (PetscInt i = 0; i <= LATIN_PARAMETER_PAST; i++) parameter->least[i] = PETSC_MAX_REAL;
   parameter->sum[0] = parameter->sum[1] = 0.0;
 }
@@ -79,7 +79,7 @@ PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinPa
     const PetscReal tension = parameter->alone ? latin->linear.tension[i] : 0.5 * (y + a[at]), stretch = parameter->alone ? latin->linear.tension[i] - g[at] : 0.5 * (y - a[at]);
 
     if (!LatinLaws[sub->law[sub->nonsmooth_link[i]]].rigid) continue;
-    if (parameter->seen) {
+    if (parameter->stages) {
       parameter->sum[0] += PetscSqr(tension - parameter->tension[i]) / (l * scale);
       parameter->sum[1] += PetscSqr(stretch - parameter->stretch[i]) / (l * scale);
     }
@@ -97,7 +97,7 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *p
   PetscReal sum[2], shown;
 
   PetscFunctionBegin;
-  if (++parameter->seen < parameter->window && *next != LATIN_NEXT_DIVERGED) PetscFunctionReturn(0);
+  if (++parameter->stages < parameter->window && *next != LATIN_NEXT_DIVERGED) PetscFunctionReturn(0);
   PetscCall(MPIU_Allreduce(parameter->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   parameter->beside = PETSC_FALSE;
   if (!(sum[0] > 0.0 && sum[1] > 0.0)) PetscFunctionReturn(0);
@@ -120,14 +120,14 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinPa
   if (parameter->beside) PetscCall(LatinParameterShown_Private(latin, parameter, next));
   if (!parameter->alone) PetscFunctionReturn(0);
   least[0] = PetscMin(least[0], measure);
-  if (++parameter->seen % parameter->window) PetscFunctionReturn(0);
+  if (++parameter->stages % parameter->window) PetscFunctionReturn(0);
   now = before = PETSC_MAX_REAL;
   for (PetscInt i = 0; i < LATIN_PARAMETER_PAST; i++) {
     if (i < LATIN_PARAMETER_PAST / 2) now = PetscMin(now, least[i]);
     else before = PetscMin(before, least[i]);
   }
   PetscCall(MPIU_Allreduce(parameter->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  if (parameter->seen >= LATIN_PARAMETER_PAST * parameter->window && now > LATIN_PARAMETER_GAIN * before && sum[0] > 0.0 && sum[1] > 0.0) {
+  if (parameter->stages >= LATIN_PARAMETER_PAST * parameter->window && now > LATIN_PARAMETER_GAIN * before && sum[0] > 0.0 && sum[1] > 0.0) {
     const PetscReal wanted = PetscPowReal(sum[0] / sum[1], 0.25); /* square root of the measured ratio: half of the way on a logarithmic scale */
 
     parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(PetscMin(LATIN_PARAMETER_MOST, PetscMax(1.0 / LATIN_PARAMETER_MOST, wanted)))));

@@ -34,7 +34,7 @@ static void SNESLatinChooseStop(SNES snes)
   const Latin     latin  = data->latin;
   const PetscBool linear = (PetscBool)(!latin->sub.nonsmooth_global && latin->inter.variant == LATIN_VARIANT_PRIMAL);
 
-  if (data->asked == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
+  if (data->requested == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
 }
 
 /* Before a solve: checks options, allocates the history, resets counters. Collective on snes */
@@ -113,21 +113,21 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
-  shown                   = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
+  shown                   = (PetscBool)((newton->stagnant || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (newton->penalty && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
   if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a stagnant line search, or a linear solve that has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
-  if (LatinNextConverged(data->next) && SNESLatinHides(snes)) data->next = LATIN_NEXT_ROUNDING;
+  if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) data->next = LATIN_NEXT_ROUNDING;
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
   PetscFunctionReturn(0);
 }
 
 /* Largest unbalance at convergence, relative to the loads; with operators of the iteration or without loads also relative to the tensions, whose error it bounds. Collective on snes */
-static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscReal *balance)
+static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
@@ -148,7 +148,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscRea
 }
 
 /* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller. Collective on snes */
-static PetscErrorCode SNESLatinNearer_Private(SNES snes)
+static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->latin->sub.structure;
@@ -196,15 +196,15 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
   newton->limit          = SNESLatinMost(snes) - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
-  if (stall) PetscCall(SNESLatinNearer_Private(snes));
+  if (stall) PetscCall(SNESLatinNewtonGuess_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* the estimated error is small */
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
-  PetscCall(SNESLatinLeaves_Private(snes, own, &newton->balance));
+  PetscCall(SNESLatinNewtonBalance_Private(snes, own, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, own, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, stall || !SNESLatinEstimates(data) ? 0.0 : data->estimate.value, snes->vec_sol, &reason));
-  if (reason < 0) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  if (reason < 0) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   data->found = newton->found;
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
@@ -284,7 +284,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
   PetscReal         size, prescribed;
-  PetscBool         fallen;
+  PetscBool         collapsed;
   Vec               F;
 
   PetscFunctionBegin;
@@ -294,15 +294,15 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance */
-    PetscCall(SNESLatinFallen_Private(snes, &fallen));
-    if (fallen && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance */
+    PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
+    if (collapsed && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance */
     if (SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
       PetscCall(VecDestroy(&F));
     }
     if (found->links) found->nodes = 0;
-    else if (found->hidden && !fallen && SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
+    else if (found->hidden && !collapsed && SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
       data->estimate.floor = 1.0;
     }
@@ -468,7 +468,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   data->target         = 1e-4;
   data->tension_target = (PetscReal)PETSC_DEFAULT;
   data->balance        = 1e-2;
-  data->asked          = LATIN_STOP_AUTO;
+  data->requested      = LATIN_STOP_AUTO;
   data->stop           = LATIN_STOP_ERROR;
 
   PetscObjectParameterSetDefault(snes, max_its, 10000);

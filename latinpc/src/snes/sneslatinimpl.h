@@ -16,7 +16,7 @@ typedef enum {
   LATIN_NEXT_NEWTON_FINISH,       /* Newton's method near the solution */
   LATIN_NEXT_NEWTON_STALL,        /* Newton's method, on a stall */
   LATIN_NEXT_REBUILD,             /* the iteration with other search parameters and new operators */
-  LATIN_NEXT_ROUNDING,            /* end: rounding prevents the accuracy asked for */
+  LATIN_NEXT_ROUNDING,            /* end: rounding prevents the requested accuracy */
   LATIN_NEXT_DIVERGED,            /* end: no equilibrium, or divergence */
   LATIN_NEXT_LINE_SEARCH,         /* end: the line search of Newton's method stagnates */
   LATIN_NEXT_MAX_IT,              /* end: too many linear stages */
@@ -31,9 +31,9 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 }
 
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
-#define LATIN_JAM_LEAST   100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages, of a nonlinear preconditioner, show neither */
-#define LATIN_FALL_WINDOW 20   /* linear stages between two tests for a collapse of contacts with friction */
-#define LATIN_NEWTON_FAR  1e-7 /* largest unbalance, relative to the loads, of displacements larger than the structure */
+#define LATIN_JAM_LEAST       100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages, of a nonlinear preconditioner, show neither */
+#define LATIN_COLLAPSE_WINDOW 20   /* linear stages between two tests for a collapse of contacts with friction */
+#define LATIN_NEWTON_FAR      1e-7 /* largest unbalance, relative to the loads, of displacements larger than the structure */
 
 typedef struct {
   LatinNewtonType type;
@@ -41,40 +41,40 @@ typedef struct {
   PetscBool finish, stall; /* near the solution; on a stall */
   PetscBool grains;        /* rigid links alone, with friction (snes/grains.c) */
   PetscBool contrast;      /* large contrast of stiffnesses: convergence of the iteration needs a proof */
-  PetscInt  seen;          /* linear stages of this solve */
+  PetscInt  iterations;    /* linear stages of the iteration in this solve */
   PetscInt  most;          /* most linear stages predicted: with more, the iteration stalls */
   PetscInt  last;          /* most linear stages of this solve */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* the method */
-  SNES             snes;             /* NULL before the first time */
-  PetscBool        tangent;          /* preconditioner built from the tangent stiffness, not from the operators of the iteration */
-  Latin            latin;            /* borrowed */
-  LatinStructure   structure;        /* borrowed: another one needs another SNES */
-  Vec              reference;        /* borrowed: reference solution of the stop, or NULL */
-  PetscReal        target, residual; /* relative error of the displacements, norm of the residual to stop at */
-  PetscReal        tension_target;   /* relative error of the tensions to stop at */
-  PetscReal        balance, loads;   /* largest residual norm with that error; norm of the loads */
-  PetscBool        energy;           /* error in the energy norm, else l2 */
-  PetscReal        size;             /* l2 norm of the displacements */
-  PetscReal        rtol;             /* rtol of a linear solve while links change */
-  PetscReal        first, left;      /* of a linear solve: initial residual norm, relative residual */
-  PetscReal        floor;            /* least tangent stiffness of a link */
-  PetscInt         small;            /* steps in a row that are below the error asked for and do not grow */
-  PetscReal        slope;            /* slope of the energy along the last step at its end, relative to that at its start */
-  PetscBool        proves;           /* convergence needs an a posteriori error (snes/correction.c) below the target */
-  PetscReal        doubt;            /* safety factor on the relative residual: ratio of a posteriori errors to the target */
-  PetscReal        gap;              /* sum of squared gap errors of rigid links with tension */
-  PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
-  PetscReal        error;            /* estimated or measured error of the last step */
-  PetscReal        known;            /* bound on the relative error of the displacements before a step; 0: not known */
-  PetscBool        linear;           /* no link can become slack */
-  PetscInt         changes;          /* links that the last step has changed */
-  PetscInt         steps, stages;    /* of this solve: Newton steps, linear stages */
-  PetscInt         before;           /* Newton steps of this solve before the current run */
-  PetscInt         limit;            /* most linear stages of Newton's method */
-  PetscInt         still;            /* consecutive steps with a stagnant line search */
-  PetscBool        asked;            /* the search for a collapse has been done in this solve */
-  LatinEquilibrium found;            /* its verdict; without an equilibrium the nodes that move */
+  SNES             snes;              /* NULL before the first time */
+  PetscBool        tangent;           /* preconditioner built from the tangent stiffness, not from the operators of the iteration */
+  Latin            latin;             /* borrowed */
+  LatinStructure   structure;         /* borrowed: another one needs another SNES */
+  Vec              reference;         /* borrowed: reference solution of the stop, or NULL */
+  PetscReal        target, residual;  /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal        tension_target;    /* relative error of the tensions to stop at */
+  PetscReal        balance, loads;    /* largest residual norm with that error; norm of the loads */
+  PetscBool        energy;            /* error in the energy norm, else l2 */
+  PetscReal        size;              /* l2 norm of the displacements */
+  PetscReal        rtol;              /* rtol of a linear solve while links change */
+  PetscReal        first, left;       /* of a linear solve: initial residual norm, relative residual */
+  PetscReal        floor;             /* least tangent stiffness of a link */
+  PetscInt         small;             /* steps in a row that are below the requested error and do not grow */
+  PetscReal        slope;             /* slope of the energy along the last step at its end, relative to that at its start */
+  PetscBool        proves;            /* convergence needs an a posteriori error (snes/correction.c) below the target */
+  PetscReal        safety;            /* safety factor on the relative residual: ratio of a posteriori errors to the target */
+  PetscReal        gap;               /* sum of squared gap errors of rigid links with tension */
+  PetscReal        tensions;          /* estimated error of the tensions, relative; -1: not estimated */
+  PetscReal        error;             /* estimated or measured error of the last step */
+  PetscReal        known;             /* bound on the relative error of the displacements before a step; 0: not known */
+  PetscBool        linear;            /* no link can become slack */
+  PetscInt         changes;           /* links that the last step has changed */
+  PetscInt         steps, stages;     /* of this solve: Newton steps, linear stages */
+  PetscInt         before;            /* Newton steps of this solve before the current run */
+  PetscInt         limit;             /* most linear stages of Newton's method */
+  PetscInt         stagnant;          /* consecutive steps with a stagnant line search */
+  PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
+  LatinEquilibrium found;             /* its verdict; without an equilibrium the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension, *bound;
   PetscBool  sticks; /* the last problem solved has sticking contacts: friction without bound */
@@ -85,7 +85,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
-PETSC_INTERN PetscErrorCode LatinNewtonAsk_Private(LatinNewton *, Vec more);
+PETSC_INTERN PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *, Vec more);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
@@ -101,7 +101,7 @@ typedef struct {
   PetscBool  alone;                           /* rigid links alone: the iteration continues from the converted state */
   PetscBool  beside;                          /* rigid links beside elastic ones: the parameter becomes the measured stiffness, and the solve restarts */
   PetscInt   again;                           /* changes beside elastic links in this solve */
-  PetscInt   seen, window;                    /* linear stages with this parameter; stages of a window */
+  PetscInt   stages, window;                  /* linear stages with this parameter; stages of a window */
   PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
   PetscReal  sum[2];                          /* squared changes of tensions and of elongations in this window, on this rank */
   PetscReal *tension, *stretch;               /* [nonsmooth] of the last local stage: tau_hat, l e_hat */
@@ -129,39 +129,39 @@ typedef struct {
   PetscBool      given;    /* a geometry is given by an option */
   LatinGeometry  geometry; /* that geometry */
   /* of this solve */
-  PetscInt  renewals;      /* rebuilds of the operators at other displacements */
-  PetscInt  seen, window;  /* linear stages in this window; stages of a window */
-  PetscReal least, before; /* least measure of this window and of the last one */
-  PetscReal near;          /* estimated error below which Newton's method is tried */
-  PetscReal cost;          /* cost of a set-up, in linear stages */
-  PetscBool inside;        /* the last solve of a path has used the interior-point method */
-  PetscBool stateless;     /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
-  PetscBool crept;         /* Newton's method has failed: it is tried again only near the solution */
+  PetscInt  renewals;       /* rebuilds of the operators at other displacements */
+  PetscInt  stages, window; /* linear stages in this window; stages of a window */
+  PetscReal least, before;  /* least measure of this window and of the last one */
+  PetscReal near;           /* estimated error below which Newton's method is tried */
+  PetscReal cost;           /* cost of a set-up, in linear stages */
+  PetscBool inside;         /* the last solve of a path has used the interior-point method */
+  PetscBool stateless;      /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
+  PetscBool newton_failed;  /* Newton's method has failed: it is tried again only near the solution */
   /* of Newton's method */
-  Vec        between[2];    /* two equilibria, NULL: none; initial strains are interpolated between theirs, since those of an interpolated guess are wrong by the rotations */
-  PetscReal  part;          /* interpolation parameter between them: 0 the first, 1 the second */
-  PetscReal *start;         /* [2][links_local of the structure] initial tensions and strains, or NULL: of the displacements, or interpolated */
-  PetscReal *ahead;         /* [2][links_local of the structure] tensions ahead of the displacements, from linearised strains, and these strains; NULL in time steps */
-  PetscReal  error;         /* estimated error after a step */
-  PetscReal  force;         /* residual norm of the laws there */
-  PetscReal  first_step[2]; /* first step of a run: length relative to the displacements, relative change of the tensions */
-  PetscReal  shown[2];      /* the same of the run from the last iterate of the iteration */
-  PetscReal  first;         /* initial residual norm of a linear solve */
-  PetscInt   limit;         /* most iterations of a linear solve */
-  PetscInt   proofs;        /* linear stages spent on residual norms that prove the error of a step */
-  PetscReal  stretch;       /* relative change of the tensions by a step */
-  PetscReal  balance;       /* largest residual norm with that error */
-  PetscReal  size, tension; /* of the structure; norm of its tensions at the start */
-  PetscInt   last;          /* number of the last linear stage for these loads */
-  PetscReal  reached;       /* part of the loads of which the displacements are the equilibrium */
-  Vec        solution;      /* end of the last path: displacements, */
-  PetscReal *held;          /* and prescribed ones, [nodes_local][dim] */
-  PetscInt   most;          /* most linear iterations */
-  PetscInt   changed;       /* after its last step: links whose stiffness differs from that of the operators, */
-  PetscInt   softer;        /* and links that this step has softened */
-  PetscBool  iterated;      /* it starts from the last iterate of the iteration */
-  PetscBool  slow;          /* the last run has reached its iteration limit */
-  PetscBool  unstable;      /* the tangent stiffness is not positive definite */
+  Vec        between[2];         /* two equilibria, NULL: none; initial strains are interpolated between theirs, since those of an interpolated guess are wrong by the rotations */
+  PetscReal  part;               /* interpolation parameter between them: 0 the first, 1 the second */
+  PetscReal *start;              /* [2][links_local of the structure] initial tensions and strains, or NULL: of the displacements, or interpolated */
+  PetscReal *ahead;              /* [2][links_local of the structure] tensions ahead of the displacements, from linearised strains, and these strains; NULL in time steps */
+  PetscReal  error;              /* estimated error after a step */
+  PetscReal  force;              /* residual norm of the laws there */
+  PetscReal  first_step[2];      /* first step of a run: length relative to the displacements, relative change of the tensions */
+  PetscReal  iteration_error[2]; /* the same of the run from the last iterate of the iteration: the error of that iterate */
+  PetscReal  first;              /* initial residual norm of a linear solve */
+  PetscInt   limit;              /* most iterations of a linear solve */
+  PetscInt   proofs;             /* linear stages spent on residual norms that prove the error of a step */
+  PetscReal  stretch;            /* relative change of the tensions by a step */
+  PetscReal  balance;            /* largest residual norm with that error */
+  PetscReal  size, tension;      /* of the structure; norm of its tensions at the start */
+  PetscInt   last;               /* number of the last linear stage for these loads */
+  PetscReal  reached;            /* part of the loads of which the displacements are the equilibrium */
+  Vec        solution;           /* end of the last path: displacements, */
+  PetscReal *held;               /* and prescribed ones, [nodes_local][dim] */
+  PetscInt   most;               /* most linear iterations */
+  PetscInt   changed;            /* after its last step: links whose stiffness differs from that of the operators, */
+  PetscInt   softer;             /* and links that this step has softened */
+  PetscBool  iterated;           /* it starts from the last iterate of the iteration */
+  PetscBool  slow;               /* the last run has reached its iteration limit */
+  PetscBool  unstable;           /* the tangent stiffness is not positive definite */
 
   LatinSupports supports;
 } LatinLarge;
@@ -174,13 +174,13 @@ typedef struct {
   char              outer_type[64]; /* the SNES type whose defaults have been set */
   PetscBool         outer_rigid;    /* with the defaults of structures with rigid laws */
   Vec               z;
-  LatinStopType     asked, stop;    /* the stop asked for; that of this solve */
-  PetscBool         given;          /* -snes_stol is given */
-  PetscReal         target;         /* estimated error to stop at */
-  PetscBool         chosen;         /* target set by the user */
-  PetscReal         tension_target; /* the same for tensions, or PETSC_DEFAULT */
-  PetscReal         balance;        /* unbalance to stop at, relative to the loads */
-  PetscReal         unbalance;      /* unbalance to stop at, a force; 0: any */
+  LatinStopType     requested, stop; /* the requested stop; that of this solve */
+  PetscBool         given;           /* -snes_stol is given */
+  PetscReal         target;          /* estimated error to stop at */
+  PetscBool         chosen;          /* target set by the user */
+  PetscReal         tension_target;  /* the same for tensions, or PETSC_DEFAULT */
+  PetscReal         balance;         /* unbalance to stop at, relative to the loads */
+  PetscReal         unbalance;       /* unbalance to stop at, a force; 0: any */
   LatinEstimate     estimate;
   PetscBool         guess; /* the solution vector is the initial guess of this solve */
   LatinWarmStart    warm;
@@ -233,7 +233,7 @@ static inline PetscBool SNESLatinBalances(SNES snes)
 {
   const SNES_Latin *data = (SNES_Latin *)snes->data;
 
-  return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
+  return (PetscBool)(!data->latin->sub.structure->ground && (data->requested == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
 
 /* The unbalance to stop at, a force */
@@ -242,22 +242,22 @@ static inline PetscReal SNESLatinUnbalance(const SNES_Latin *data)
   return data->unbalance > 0.0 ? data->unbalance : PETSC_MAX_REAL;
 }
 
-/* Is the unbalance of the last check larger than asked for? */
+/* Is the unbalance of the last check larger than requested? */
 static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
 {
   return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
-#define LATIN_HIDES 1e-2 /* largest rounding of the unbalance, relative to the loads */
+#define LATIN_UNBALANCE_ROUNDING 1e-2 /* largest rounding of the unbalance, relative to the loads */
 
-/* Does rounding of large displacements hide the unbalance? Then the solve ends with LATIN_NEXT_ROUNDING */
-static inline PetscBool SNESLatinHides(SNES snes)
+/* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING */
+static inline PetscBool SNESLatinUnbalanceRounded(SNES snes)
 {
-  SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool hides = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > LATIN_HIDES);
+  SNES_Latin     *data    = (SNES_Latin *)snes->data;
+  const PetscBool rounded = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > LATIN_UNBALANCE_ROUNDING);
 
-  if (hides) data->estimate.floor = 1.0;
-  return hides;
+  if (rounded) data->estimate.floor = 1.0;
+  return rounded;
 }
 
 /* snes/fixedpoint.c */
@@ -274,7 +274,7 @@ PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, PetscBool stalled
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
-PETSC_INTERN PetscErrorCode      SNESLatinFallen_Private(SNES, PetscBool *);
+PETSC_INTERN PetscErrorCode      SNESLatinCollapsed_Private(SNES, PetscBool *);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
 PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);

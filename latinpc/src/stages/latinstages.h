@@ -76,15 +76,15 @@ PETSC_INTERN PetscErrorCode LatinLinearExpand(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 
 /* ---- linear stage if all interfaces are primal (stages/substructures.c) ---- */
-PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresFactor(const LatinLinear *, PetscInt batch, Mat *);
-PETSC_INTERN LatinSpending  LatinSubstructuresSpending(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
-PETSC_INTERN PetscErrorCode LatinSubstructuresFill(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresContraction(LatinLinear *, PetscReal *contraction);
-PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresAre(const LatinLinear *, PetscBool *);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresFactor(const LatinLinear *, PetscInt batch, Mat *);
+PETSC_INTERN LatinEntriesCallback LatinSubstructuresCallback(LatinLinear *);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresStiffness(LatinLinear *);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresFill(LatinLinear *);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresContraction(LatinLinear *, PetscReal *contraction);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresForward(LatinLinear *);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 
 /* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c, stages/localturning.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);

@@ -209,7 +209,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->inter->primal_dof;
   linear->solvers->keeps       = linear->substructures ? NULL : linear->keeps;
-  linear->solvers->spending    = LatinSubstructuresSpending(linear);
+  linear->solvers->callback    = LatinSubstructuresCallback(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
   PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda)); /* allocated after the peak memory of the factorisations */
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));

@@ -68,8 +68,8 @@ static void LatinSubstructuresRelease(LatinLinear *linear)
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const LatinSparse *K = &linear->solvers->rows[b];
 
-    LatinRoomEmpty(K->a, (size_t)K->i[K->rows] * sizeof(*K->a));
-    if (!linear->sub->preconditions && !linear->sub->part) LatinRoomEmpty(K->j, (size_t)K->i[K->rows] * sizeof(*K->j));
+    LatinRoomRelease(K->a, (size_t)K->i[K->rows] * sizeof(*K->a));
+    if (!linear->sub->preconditions && !linear->sub->part) LatinRoomRelease(K->j, (size_t)K->i[K->rows] * sizeof(*K->j));
   }
   linear->released = PETSC_TRUE;
 }
@@ -91,8 +91,8 @@ PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Callback of the factorisation: releases the entries of its operator, or computes them again, see LatinSpending */
-static PetscErrorCode LatinSubstructuresSpend_Private(void *owner, PetscBool again)
+/* Callback of the factorisation: releases the entries of its operator, or computes them again, see LatinEntriesCallback */
+static PetscErrorCode LatinSubstructuresEntries_Private(void *owner, PetscBool again)
 {
   LatinLinear *linear = (LatinLinear *)owner;
 
@@ -103,11 +103,11 @@ static PetscErrorCode LatinSubstructuresSpend_Private(void *owner, PetscBool aga
 }
 
 /* The entries that may be released during the factorisation: those of a single sparse operator. Of several, the others are still needed; a dense one belongs to the caller */
-LatinSpending LatinSubstructuresSpending(LatinLinear *linear)
+LatinEntriesCallback LatinSubstructuresCallback(LatinLinear *linear)
 {
-  const PetscBool spends = (PetscBool)(linear->substructures && linear->batches->n == 1 && !linear->sub->dense);
+  const PetscBool releases = (PetscBool)(linear->substructures && linear->batches->n == 1 && !linear->sub->dense);
 
-  return (LatinSpending){.tell = spends ? LatinSubstructuresSpend_Private : NULL, .owner = linear};
+  return (LatinEntriesCallback){.call = releases ? LatinSubstructuresEntries_Private : NULL, .owner = linear};
 }
 
 /* H of all batches. A single batch gives the Schur complement of its factor without a copy, as it may be as large as the factor; a single subdomain its lower triangle */

@@ -223,8 +223,8 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
     }
   }
   K->i[bs * nodes] = nz;
-  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* releases the unused memory, which may have been touched before */
-  LatinRoomEmpty(K->a + nz, (entries - (size_t)nz) * sizeof(*K->a));
+  LatinRoomRelease(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* releases the unused memory, which may have been touched before */
+  LatinRoomRelease(K->a + nz, (entries - (size_t)nz) * sizeof(*K->a));
   K->bs   = bs;
   K->rows = bs * nodes;
   PetscCall(PetscFree3(gathered.node, gathered.slot, gathered.value));
