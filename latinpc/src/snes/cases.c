@@ -69,7 +69,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   for (PetscInt i = 0; i < n; i++) stages[i] = -1;
   if (!suit) PetscFunctionReturn(0);
   PetscCall(LatinStructureSize_Private(structure, &size, &held));
-  goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(SNESLatinMost(snes), LATIN_CASE_STAGES)};
+  goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(SNESLatinStageLimit(snes), LATIN_CASE_STAGES)};
   PetscCall(LatinNewtonOwn_Private(structure, &small));
   if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */
   PetscCall(PetscMalloc1(n, &one));

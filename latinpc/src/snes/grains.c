@@ -90,7 +90,7 @@ PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
   const PetscBool      grains    = (PetscBool)(data->newton.grains && *next == LATIN_NEXT_CONTINUE);
-  PetscBool            due = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && SNESLatinMost(snes) >= LATIN_JAM_LEAST)), held, closed = PETSC_FALSE;
+  PetscBool            due = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST)), held, closed = PETSC_FALSE;
   PetscReal           *bears;
 
   PetscFunctionBegin;

@@ -139,7 +139,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
     if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
   }
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE && linear->applications >= PetscMin(SNESLatinMost(snes), large->last)) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE && linear->applications >= PetscMin(SNESLatinStageLimit(snes), large->last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE) {
     PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
     if (due) *next = LATIN_NEXT_REBUILD;

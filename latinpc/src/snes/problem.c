@@ -147,7 +147,7 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, 
   data->next = LATIN_NEXT_CONTINUE;
   PetscCall(SNESLatinOuterSetUp_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, test, snes, NULL));
-  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, SNESLatinMost(snes), PETSC_MAX_INT));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, SNESLatinStageLimit(snes), PETSC_MAX_INT));
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &reason));
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);

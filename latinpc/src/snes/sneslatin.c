@@ -194,7 +194,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->energy         = data->estimate.energy;
   newton->tension_target = SNESLatinTensionTarget(data);
   newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
-  newton->limit          = SNESLatinMost(snes) - data->latin->linear.applications;
+  newton->limit          = SNESLatinStageLimit(snes) - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNewtonGuess_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* the estimated error is small */
@@ -296,13 +296,13 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance */
     PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
     if (collapsed && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance */
-    if (SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
+    if (SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
       PetscCall(VecDestroy(&F));
     }
     if (found->links) found->nodes = 0;
-    else if (found->hidden && !collapsed && SNESLatinMost(snes) >= LATIN_JAM_LEAST) {
+    else if (found->hidden && !collapsed && SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
       data->estimate.floor = 1.0;
     }
@@ -366,7 +366,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   data->has_state = (PetscBool)(snes->reason > 0);
   PetscCall(SNESLatinDiagnose_Private(snes));
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
-  if (data->next == LATIN_NEXT_MAX_IT && SNESLatinMost(snes) < PetscMin(snes->max_its, snes->iter + 1)) snes->reason = SNES_DIVERGED_FUNCTION_COUNT;
+  if (data->next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) < PetscMin(snes->max_its, snes->iter + 1)) snes->reason = SNES_DIVERGED_FUNCTION_COUNT;
   if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
   PetscFunctionReturn(0);
 }

@@ -209,7 +209,7 @@ static inline PetscBool SNESLatinLarge(const SNES_Latin *data)
   return (PetscBool)(data->large.frame && data->large.frame->part);
 }
 /* Most linear stages: they are iterations and evaluations of a function both */
-static inline PetscInt SNESLatinMost(SNES snes)
+static inline PetscInt SNESLatinStageLimit(SNES snes)
 {
   return snes->max_funcs < 0 ? snes->max_its : PetscMin(snes->max_its, snes->max_funcs);
 }
