@@ -202,8 +202,11 @@ def turned(result: Result) -> list[str]:
     part = np.linalg.norm(displacements[np.unique(links)], axis=1).max() / size
     if angle <= TURNED and part <= MOVED:
         return []
-    said = [f"links turn by up to {angle:.2g} degrees"] * (angle > TURNED)
-    said += [f"nodes move by {part:.2g} of the size of the structure"] * (part > MOVED)
+    said = []
+    if angle > TURNED:
+        said.append(f"links turn by up to {angle:.2g} degrees")
+    if part > MOVED:
+        said.append(f"nodes move by {part:.2g} of the size of the structure")
     friction = (structure.law == Law.FRICTION).any()  # of small displacements only
     cure = "" if friction else "; take -snes_latin_geometry large"
     return [f"{' and '.join(said)}: small displacements do not hold{cure}"]
