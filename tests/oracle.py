@@ -77,7 +77,8 @@ def newton(scene, rtol=1e-12, max_it=200):
     with contextlib.suppress(RuntimeError):  # a mechanism; else steps without the floor, which hides soft modes
         for _ in range(3):
             step = factor(stiffness(u))(-r)
-            if np.linalg.norm(residual(u + step)) > 2 * np.linalg.norm(r) + 1e-15 * scale:
+            terms = abs(b).T @ (k * (abs(b) @ abs(u + step)))  # large ones leave rounding in the residual
+            if np.linalg.norm(residual(u + step)) > 2 * np.linalg.norm(r) + 1e-15 * (scale + np.linalg.norm(terms)):
                 break
             u, r = u + step, residual(u + step)
     whole = np.where(scene.fixed, scene.prescribed, 0.0)
