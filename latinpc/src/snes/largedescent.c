@@ -2,15 +2,15 @@
 #include <petsctao.h>
 
 /*
-   Down the potential energy, to a stable state: Newton's method in a trust region (PETSc's TAO), by conjugate gradients that go on along
-   negative curvature to its edge [T. Steihaug 1983]. A path starts there where the drawing is no stable state. What goes on down, further and further from
-   the drawing, has none.
+   Minimises the potential energy by Newton's method in a trust region (PETSc's TAO). Its conjugate gradients follow negative curvature
+   to the edge of the region [T. Steihaug 1983]. The path of the loads starts at this minimum if the drawing is no stable state. If the
+   iterates move away from the drawing without bound, the structure has no stable state.
 
-   The unknowns are displacements over the size of the structure, each weighed with the root of the stiffness of the links at its node: neither units nor
-   rotations nor subdomains change where it leads. There is no other preconditioner, whose subdomains would shape the trust region.
+   The unknowns are displacements over the size of the structure, each scaled by the root of the stiffness of the links at its node: units,
+   rotations and subdomains do not change the result. There is no other preconditioner, whose subdomains would shape the trust region.
 
-   Loads that are small beside the stiffness lead through a valley as narrow as they are small, in which any step is short. Heavier ones lead to the same
-   place but for what they stretch: they come first then, and fall.
+   If the loads are small beside the stiffness, the energy has a narrow valley, in which all steps are short. Larger loads lead to the same
+   state but for elongations: the descent begins with these, and reduces them.
 */
 
 #define LATIN_DESCENT_RADIUS  0.1                           /* of the size of the structure: the first step */
