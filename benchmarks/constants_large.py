@@ -156,7 +156,7 @@ LARGE = {
     ),
     "LATIN_DESCENT_BALANCE": (
         "of the stiffness times the size",
-        "Near what rounding leaves; Newton's method goes on from there, and proves.",
+        "60 random towers: 1e-9 finds the same 49 states in 71,000 stages, not 37,000; 1e-6 misses one.",
     ),
     "LATIN_DESCENT_RTOL": (
         "relative",
