@@ -180,10 +180,10 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
 {
   PetscFunctionBegin;
   for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
-    if (F->kept && F->columns[f] && F->n - F->kept - F->first[f] <= entries->rows) {
+    if (callback.call && F->columns[f] && F->n - F->kept - F->first[f] <= entries->rows) {
       entries->rows /= 2;
       LatinRoomRelease(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*work->stack));
-      if (callback.call) PetscCall(LatinEntriesRelease_Private(F, F->first[f], work->place, callback, entries));
+      PetscCall(LatinEntriesRelease_Private(F, F->first[f], work->place, callback, entries));
     }
     if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, entries->i, entries->j, entries->a, S)) *bad = F->order[F->first[f]];
   }

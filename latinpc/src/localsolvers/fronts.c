@@ -249,7 +249,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (*bad >= 0 && precision != LATIN_DOUBLE && callback.call) PetscCall(callback.call(callback.owner, PETSC_TRUE));
     memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
-  if (F->kept) LatinRoomTrim(F->stack * sizeof(float)); /* what they leave is as large; elsewhere what comes later takes the place */
+  if (callback.call) LatinRoomTrim(F->stack * sizeof(float)); /* who releases entries needs a low peak; others factor again in the same pages */
   PetscFunctionReturn(0);
 }
 
