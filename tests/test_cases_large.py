@@ -120,6 +120,10 @@ def test_what_is_refused_of_a_case_names_it():
     with pytest.warns(latinpc.ConvergenceWarning, match="^not converged: apart: REFUSED; apart: REFUSED$"):
         found = latinpc.solve_cases(tied, [apart, near, apart, near])
     assert [row["reason"] == "REFUSED" for row in found.report["cases"]] == [True, False, True, False]
+    assert np.isnan(found.displacements[[0, 2]]).all() and np.isnan(found.tensions[[0, 2]]).all()
+    assert re.search(r"^apart +0( +not known){4}  REFUSED$", str(found), re.MULTILINE)
+    assert np.isfinite(found.reaction_envelope()[:2]).all() and "nan" not in str(found)
+    assert found.to_dict()["cases"][0]["highest"] is None
     assert len(found.notices) == 2 and all(re.match(said, text) for text in found.notices)
     for number in (1, 3):
         assert np.array_equal(found.displacements[number], truth.displacements)

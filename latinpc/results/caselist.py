@@ -24,9 +24,14 @@ def rows(cases):
     """Return a row for each case, below `HEADER`."""
     return [
         [case["name"], str(case["iterations"]), quantity(case["displacement"], "m"), quantity(case["lowest"], "N"),
-         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else _ended(case)]
+         quantity(case["highest"], "N"), _slack(case), "" if case["converged"] else _ended(case)]
         for case in cases.report["cases"]
     ]  # fmt: skip
+
+
+def _slack(case):
+    """Return the number of slack links; a case that is refused has no tensions."""
+    return "not known" if case["slack"] is None else f"{case['slack']:,}"
 
 
 def _ended(case):
@@ -63,7 +68,7 @@ def _reactions(cases):
     good = np.array([case["converged"] for case in cases.report["cases"]], dtype=bool)
     if not scene.fixed.any() or not good.any():
         return []
-    size = np.linalg.norm(cases.reactions, axis=2) * good[:, None]
+    size = np.where(good[:, None], np.linalg.norm(cases.reactions, axis=2), 0.0)
     case, node = np.unravel_index(size.argmax(), size.shape)
     ranges = [
         f"{axis} from {quantity(low[held].min(), 'N')} to {quantity(high[held].max(), 'N')}"

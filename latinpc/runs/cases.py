@@ -217,7 +217,8 @@ def solve_cases(
     ------
     ValueError, LatinError
         On every rank, where the library refuses all cases. A case that does not converge is no error, nor is one that
-        is refused beside others: its reason is ``REFUSED``, and a notice that begins with its name says why.
+        is refused beside others: its reason is ``REFUSED``, a notice that begins with its name says why, and its
+        displacements and tensions are NaN.
 
     Notes
     -----
@@ -363,6 +364,7 @@ class _Series:
                 if error.ierr not in REFUSALS:
                     raise refused from None
                 self.found[number] = 0, False, False, "REFUSED", None
+                self.displacements[number] = self.tensions[number] = np.nan
                 self.notices.append(structure.counted_as_given(refused.said))
                 continue
             converged = snes.getConvergedReason() > 0
@@ -413,7 +415,7 @@ class _Series:
                 "displacement": np.sqrt(np.einsum("ij,ij->i", moved, moved).max()),
                 "lowest": tensions.min(),
                 "highest": tensions.max(),
-                "slack": np.count_nonzero(self.slack[number]),
+                "slack": None if reason == "REFUSED" else np.count_nonzero(self.slack[number]),
                 **({} if factor is None else {"load_factor": factor}),
             })  # fmt: skip
         return rows
