@@ -40,17 +40,20 @@ LARGE = {
         "trial lengths",
         "A bound that no link meets: Newton's method takes 2 on average, 20 at most.",
     ),
-    "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
-    "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
-    "LATIN_TAUT_MOST": (
+    "LATIN_LARGE_PENALTY_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
+    "LATIN_LARGE_PENALTY_SLOW": (
+        "ratio",
+        "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails.",
+    ),
+    "LATIN_LARGE_PENALTY_MOST": (
         "times the first penalty",
         "With 1e4 a net of variant published takes no end, with 1e3 1106 stages, with 1e2 648.",
     ),
-    "LATIN_TAUT_TIMES": (
+    "LATIN_LARGE_PENALTY_TIMES": (
         "solves",
         "A bound that structures with a solution do not meet: chains and nets take 3 to 16.",
     ),
-    "LATIN_TAUT_NEAR": (
+    "LATIN_LARGE_PENALTY_NEAR": (
         "times the mean tension over length",
         "With 1e4 4 of 8 nets of 2,000 to 4,000 unknowns do not converge from there, with 1e5 all 8.",
     ),
@@ -114,7 +117,7 @@ LARGE = {
         "links",
         "16 nets take 74 set-ups and 434 iterations of linear solves, with 50 82 and 395, with 30 84 and 317.",
     ),
-    "LATIN_LARGE_ASTRAY": (
+    "LATIN_LARGE_STEP": (
         "of the displacements",
         "With 1 a bridge takes twice the set-ups; without it a truss comes to rest beyond its snap.",
     ),
@@ -179,7 +182,7 @@ LARGE = {
         "60 random towers: a rotation changes the state of 1, as with 3; with 100 of 2.",
     ),
     "LATIN_DESCENT_FAR": ("sizes", "60 random towers: 10 and 1e5 find the same states."),
-    "LATIN_PATH_LEFT": (
+    "LATIN_PATH_RESIDUAL": (
         "of forces on all nodes",
         "A solve leaves a hundredth as a rule; a bar that hangs loose left 0.7.",
     ),

@@ -214,14 +214,14 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContr
     PetscCall(MatGetFactor(A, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &tree->part));
     PetscCall(ISCreateGeneral(PETSC_COMM_SELF, tree->rest, tree->row, PETSC_COPY_VALUES, &kept));
     if (tree->rest) PetscCall(MatFactorSetSchurIS(tree->part, kept));
-    PetscCall(LatinCholeskyGives(tree->part));
+    PetscCall(LatinCholeskySetLower(tree->part));
     PetscCall(ISDestroy(&kept));
     PetscCall(MatCholeskyFactorSymbolic(tree->part, A, NULL, &info));
   }
   PetscCall(MatCholeskyFactorNumeric(tree->part, A, &info));
   *bad = (PetscBool)(tree->part->factorerrortype != MAT_FACTOR_NOERROR);
   PetscCall(MatDestroy(&A));
-  PetscCall(LatinCholeskyGiveLower(tree->part, &block->own));
+  PetscCall(LatinCholeskyTakeLower(tree->part, &block->own));
   block->a = block->own;
   PetscCall(PetscCalloc1(tree->n, &place)); /* in the Schur complement, whose rows ascend as in the part */
   for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;

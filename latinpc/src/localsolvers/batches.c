@@ -196,7 +196,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscCall(PCFactorSetUpMatSolverType(pc));
   PetscCall(PCFactorGetMatrix(pc, &F));
   PetscCall(MatFactorSetSchurIS(F, solvers->rest[i]));
-  PetscCall(LatinCholeskyGives(F));
+  PetscCall(LatinCholeskySetLower(F));
   PetscFunctionReturn(0);
 }
 

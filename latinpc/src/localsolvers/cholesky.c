@@ -62,9 +62,9 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
   PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->callback, data->schur, &bad));
-  if (!data->gives) PetscCall(LatinCholeskyExtract_Private(data, data->schur));
-  if (!data->gives) LatinLowerMirror(data->schur_rows, data->schur);
-  if (data->schur_rows && !data->gives) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->schur_rows, data->schur_rows, data->schur, &F->schur));
+  if (!data->lower) PetscCall(LatinCholeskyExtract_Private(data, data->schur));
+  if (!data->lower) LatinLowerMirror(data->schur_rows, data->schur);
+  if (data->schur_rows && !data->lower) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->schur_rows, data->schur_rows, data->schur, &F->schur));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
@@ -167,11 +167,11 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   PetscFunctionReturn(0);
 }
 
-/* Its Schur complement will be handed over, and is not there before: until then it takes half of its room */
-PetscErrorCode LatinCholeskyGives(Mat F)
+/* Keeps the lower triangle of the Schur complement alone, until it is taken over: half of its room. There is no F->schur */
+PetscErrorCode LatinCholeskySetLower(Mat F)
 {
   PetscFunctionBegin;
-  ((LatinSupernodes *)F->data)->gives = PETSC_TRUE;
+  ((LatinSupernodes *)F->data)->lower = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
@@ -183,8 +183,8 @@ PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
   PetscFunctionReturn(0);
 }
 
-/* Hands the lower triangle of the Schur complement over, *S (of the requested rows, see LatinLowerAt()), with room for both, which the caller frees: it may be as large as the factor, and is used once */
-PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
+/* The caller takes the lower triangle of the Schur complement over, *S (of the requested rows, see LatinLowerAt()), with room for both, and frees it: it may be as large as the factor, and is used once */
+PetscErrorCode LatinCholeskyTakeLower(Mat F, PetscReal **S)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
@@ -196,10 +196,10 @@ PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
 }
 
 /* The same, both triangles, column-major */
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
+PetscErrorCode LatinCholeskyTakeSchur(Mat F, PetscReal **S)
 {
   PetscFunctionBegin;
-  PetscCall(LatinCholeskyGiveLower(F, S));
+  PetscCall(LatinCholeskyTakeLower(F, S));
   if (*S) LatinLowerMirror(((LatinSupernodes *)F->data)->schur_rows, *S);
   PetscFunctionReturn(0);
 }

@@ -30,7 +30,7 @@ PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[]
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyGives(Mat F)
+PetscErrorCode LatinCholeskySetLower(Mat F)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
@@ -40,12 +40,12 @@ PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
+PetscErrorCode LatinCholeskyTakeLower(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
+PetscErrorCode LatinCholeskyTakeSchur(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

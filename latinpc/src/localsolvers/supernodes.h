@@ -26,8 +26,8 @@ typedef struct {
   PetscInt             schur_rows, *schur_row; /* [schur_rows] rows of the Schur complement, ascending */
   LatinArithmetic      precision;              /* requested */
   PetscReal           *diagonal;               /* [kept] of the matrix */
-  PetscReal           *schur;                  /* entries of F->schur, until they are given away; or (gives) its lower triangle, for that alone */
-  PetscBool            gives;
+  PetscReal           *schur;                  /* entries of F->schur, or (lower) its lower triangle alone; NULL once it is taken over */
+  PetscBool            lower;
   LatinEntriesCallback callback; /* releases the entries of the matrix */
 } LatinSupernodes;
 

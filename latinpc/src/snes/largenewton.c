@@ -22,7 +22,7 @@
 #define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, and one for each link that has changed, or twice the digits: a soft field shows late; a tower claimed a fiftieth of its error, a net in the wind a four-hundredth */
 #define LATIN_LARGE_CHANGES 100  /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
-#define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
+#define LATIN_LARGE_STEP    2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
 #define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
@@ -168,7 +168,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   data->estimate.tensions   = large->ahead ? tensions : -1.0;
   large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
-  else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it wanders */
+  else if (it > 1 && large->ahead && step > LATIN_LARGE_STEP && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it wanders */
   else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL; /* displacements that leap away hide any step */
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {

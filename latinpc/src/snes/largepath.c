@@ -29,7 +29,7 @@
 #define LATIN_PATH_LEAST       1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_PART        0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
 #define LATIN_PATH_DRAWN       1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
-#define LATIN_PATH_LEFT        0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
+#define LATIN_PATH_RESIDUAL    0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
 #define LATIN_PATH_REFINEMENTS 3    /* and solves for what is left, steps of iterative refinement, show that it does not */
 #define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
@@ -105,7 +105,7 @@ static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, 
   PetscCall(MatMult(K, path->step, other));
   PetscCall(LatinPathLoose_Private(structure, other, path->step));
   PetscCall(VecNorm(path->step, NORM_2, &force));
-  for (PetscInt k = 0; k < LATIN_PATH_REFINEMENTS && moved < PETSC_MAX_REAL && left > LATIN_PATH_LEFT * force; k++) {
+  for (PetscInt k = 0; k < LATIN_PATH_REFINEMENTS && moved < PETSC_MAX_REAL && left > LATIN_PATH_RESIDUAL * force; k++) {
     PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
     PetscCall(MatMult(K, other, forces));
     PetscCall(VecAXPY(path->step, -1.0, forces));
@@ -114,7 +114,7 @@ static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, 
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(DMRestoreGlobalVector(structure->dm, &other));
   PetscCall(VecGetSize(u, &n));
-  *stable = (PetscBool)(!n || (force > 0.0 && moved < PETSC_MAX_REAL && left <= LATIN_PATH_LEFT * force));
+  *stable = (PetscBool)(!n || (force > 0.0 && moved < PETSC_MAX_REAL && left <= LATIN_PATH_RESIDUAL * force));
   PetscFunctionReturn(0);
 }
 

@@ -7,11 +7,11 @@
    starts from the displacements of this one. At the solution lambda is its tension and |r| its length, whatever p.
 */
 
-#define LATIN_TAUT_GROWS 10.0 /* the penalty grows by so much */
-#define LATIN_TAUT_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
-#define LATIN_TAUT_MOST  1e2  /* times the first penalty: more, and rounding of the penalty hides soft links */
-#define LATIN_TAUT_TIMES 40   /* most solves */
-#define LATIN_TAUT_NEAR  1e3  /* times the mean tension over length: the penalty from near the solution on */
+#define LATIN_LARGE_PENALTY_GROWS 10.0 /* the penalty grows by so much */
+#define LATIN_LARGE_PENALTY_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
+#define LATIN_LARGE_PENALTY_MOST  1e2  /* times the first penalty: more, and rounding of the penalty hides soft links */
+#define LATIN_LARGE_PENALTY_TIMES 40   /* most solves */
+#define LATIN_LARGE_PENALTY_NEAR  1e3  /* times the mean tension over length: the penalty from near the solution on */
 
 /*
    The tensions at the solution vector become the multipliers. *done: these and the displacements, since `before`, have changed by no more than
@@ -65,7 +65,7 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
 
   PetscFunctionBegin;
   if (grows) {
-    for (PetscInt l = 0; l < large->frame->turns->links_local; l++) large->frame->spring[l] *= LATIN_TAUT_GROWS;
+    for (PetscInt l = 0; l < large->frame->turns->links_local; l++) large->frame->spring[l] *= LATIN_LARGE_PENALTY_GROWS;
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   } else {
     PetscCall(LatinFrameSprings_Private(large->frame, PETSC_FALSE));
@@ -108,7 +108,7 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    frame->spring[l]                          = LATIN_TAUT_NEAR * sum[0] / sum[1];
+    frame->spring[l]                          = LATIN_LARGE_PENALTY_NEAR * sum[0] / sum[1];
     frame->spring[structure->links_local + l] = tension[l];
   }
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
@@ -169,10 +169,10 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
     PetscCall(SNESLatinResidual_Private(snes)); /* the displacements of the iteration */
     PetscCall(LatinTautUpdate_Private(snes, before, &change, &done));
     if (done) break;
-    if (k == LATIN_TAUT_TIMES) data->next = LATIN_NEXT_DIVERGED; /* tensions grow without end: no displacement meets the lengths */
-    if (k == LATIN_TAUT_TIMES) break;
-    grows = (PetscBool)(k && change > last / LATIN_TAUT_SLOW && grown < LATIN_TAUT_MOST);
-    if (grows) grown *= LATIN_TAUT_GROWS;
+    if (k == LATIN_LARGE_PENALTY_TIMES) data->next = LATIN_NEXT_DIVERGED; /* tensions grow without end: no displacement meets the lengths */
+    if (k == LATIN_LARGE_PENALTY_TIMES) break;
+    grows = (PetscBool)(k && change > last / LATIN_LARGE_PENALTY_SLOW && grown < LATIN_LARGE_PENALTY_MOST);
+    if (grows) grown *= LATIN_LARGE_PENALTY_GROWS;
     PetscCall(LatinTautNext_Private(snes, before, grows));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &before));

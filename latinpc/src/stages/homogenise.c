@@ -182,7 +182,7 @@ static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, Pet
 
   PetscFunctionBegin;
   PetscCall(LatinSubstructuresFactor(linear, which, &F));
-  PetscCall(LatinCholeskyGiveSchur(F, &S));
+  PetscCall(LatinCholeskyTakeSchur(F, &S));
   for (PetscInt j = 0; j < primals; j++) {
     PetscReal *row = Phi->a + work->at[dof[j] - top];
 

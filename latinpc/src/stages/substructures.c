@@ -121,8 +121,8 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
     PetscCall(LatinSubstructuresFactor(linear, 0, &F));
     LatinSubstructuresRelease(linear);
     linear->stiffness.lower = (PetscBool)(linear->sub->n == 1);
-    if (linear->stiffness.lower) PetscCall(LatinCholeskyGiveLower(F, &linear->stiffness.H));
-    else PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
+    if (linear->stiffness.lower) PetscCall(LatinCholeskyTakeLower(F, &linear->stiffness.H));
+    else PetscCall(LatinCholeskyTakeSchur(F, &linear->stiffness.H));
     PetscFunctionReturn(0);
   }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
@@ -136,7 +136,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
     PetscReal     *S;
 
     PetscCall(LatinSubstructuresFactor(linear, b, &F));
-    PetscCall(LatinCholeskyGiveSchur(F, &S));
+    PetscCall(LatinCholeskyTakeSchur(F, &S));
     PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
     PetscCall(PetscFree(S));
   }
@@ -160,7 +160,7 @@ PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s,
   PetscCall(LatinSubstructuresFill(linear));
   PetscCall(MatFactorInfoInitialize(&info));
   PetscCall(MatCholeskyFactorNumeric(F, linear->solvers->K[b], &info));
-  PetscCall(LatinCholeskyGiveSchur(F, &S));
+  PetscCall(LatinCholeskyTakeSchur(F, &S));
   PetscCall(PetscArraycpy(H, S, (size_t)m * (size_t)m));
   PetscCall(PetscFree(S));
   if (empty) LatinSubstructuresRelease(linear);
