@@ -1,6 +1,7 @@
 """The command line: what it passes on, prints, writes and returns, on one rank and on several."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -48,6 +49,17 @@ def test_scenes_and_info():
     library = re.search(r"-dll_append (\S+)", text).group(1)
     assert Path(library).is_file()
     assert "MUMPS" in text and "CHOLMOD" in text
+
+
+def test_info_names_the_kernels_of_openblas():
+    """Sandy Bridge's run on all processors with AVX; nobody is to set what is set."""
+    blas = json.loads(latinpc("info", "--json", "-").stdout)["blas"]
+    if blas is None:
+        assert "BLAS           not OpenBLAS" in latinpc("info").stdout
+        return
+    assert ("OPENBLAS_CORETYPE" in latinpc("info").stdout) == blas["wider"]
+    text = latinpc("info", env={**os.environ, "OPENBLAS_CORETYPE": "SANDYBRIDGE"}).stdout
+    assert re.search(rf"BLAS +OpenBLAS [\d.]+, kernels (Sandybridge|{blas['kernels']})$", text, re.MULTILINE)
 
 
 def test_the_module_is_the_command():

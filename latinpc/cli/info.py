@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import pathlib
@@ -74,9 +75,33 @@ def _found(ranks, hosts):
         "cores": min(count for _, count in hosts),
         "threads": {name: os.environ.get(name) for name in THREADS if name in os.environ},
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "blas": _blas(library),
         "library": library,
         "library_exists": os.path.exists(library),
         "presets": list(preset_files()),
+    }
+
+
+def _blas(library):
+    """Return version and kernels of the OpenBLAS that the library calls, and whether wider ones would run here.
+
+    None with another BLAS. A processor that is newer than OpenBLAS gets kernels for AVX2, though it has AVX-512.
+    """
+    try:
+        loaded = ctypes.CDLL(library)
+        said = [getattr(loaded, f"openblas_get_{what}") for what in ("config", "corename")]
+    except (OSError, AttributeError):
+        return None
+    for function in said:
+        function.restype = ctypes.c_char_p
+    config, kernels = (function().decode() for function in said)
+    version = re.search(r"OpenBLAS ([\d.]+)", config)
+    cpu = pathlib.Path("/proc/cpuinfo")
+    wide = "DYNAMIC_ARCH" in config and cpu.is_file() and re.search(r"\bavx512f\b", cpu.read_text(errors="replace"))
+    return {
+        "version": version.group(1) if version else None,
+        "kernels": kernels,
+        "wider": bool(wide) and kernels in ("Haswell", "Zen"),
     }
 
 
@@ -114,6 +139,7 @@ def _lines(found):
         ("ranks", f"{found['ranks']} on {found['hosts']} host{'s' if found['hosts'] > 1 else ''}"),
         ("cores", f"{found['cores']} for a rank"),
         ("threads", threads),
+        ("BLAS", _kernels(found["blas"])),
         ("Python", f"{version['python']}, numpy {version['numpy']}"),
         ("system", found["system"]),
         *packages,
@@ -121,6 +147,14 @@ def _lines(found):
         ("library", library if found["library_exists"] else f"{library} (missing: run make build)"),
         ("in programs", f"./program -dll_append {library} -snes_type latin"),
     ]
+
+
+def _kernels(blas):
+    """Return the BLAS in words, with the cure for kernels that are too narrow."""
+    if not blas:
+        return "not OpenBLAS"
+    cure = "; OPENBLAS_CORETYPE=SKYLAKEX chooses those for AVX-512, which this processor has" if blas["wider"] else ""
+    return f"OpenBLAS {blas['version'] or ''}, kernels {blas['kernels']}{cure}"
 
 
 def _version(number, there):
