@@ -205,6 +205,19 @@ def test_law_with_a_local_stage_of_its_own(hardening):
     assert mine.u == pytest.approx(bar.u, rel=1e-12)
 
 
+@pytest.mark.parametrize("beside", [Law.CABLE, Law.COMPRESSION_ONLY])
+def test_a_support_pulls_a_node_that_a_touching_contact_holds(beside):
+    """The node stays where it is: its displacement and the missed gap are rounding, which is no error."""
+    structure = latinpc.Structure(
+        [[0.0], [1.0], [3.0]], [[0, 2], [1, 2], [1, 2]], [Law.BAR, Law.CONTACT, beside], [1.0, 0.0, 1.0],
+        fixed=[[1], [1], [0]], prescribed=[[-0.25], [0.0], [0.0]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    result = structure.solve()
+    assert result.converged, result.reason
+    assert abs(result.displacements[2, 0]) < 1e-15
+    assert result.tensions == pytest.approx([0.25, -0.25, 0.0], abs=1e-15)
+
+
 # ---- search parameter --------------------------------------------------------------------------
 def hung(stiffness=0.0):
     """Truss in the plane on inextensible cables (15): a lattice whose diagonals and hangers carry tension only."""

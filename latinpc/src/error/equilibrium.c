@@ -224,7 +224,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
 
-/* missed: greatest distance by which rigid links miss their gaps; 0 if displacements and gaps are rounding. norm: l2 norm of u; still: as in LatinEquilibrium. Collective */
+/* missed: greatest distance by which rigid links miss their gaps; 0 if displacements are rounding, and so are the gaps or what is missed of them. norm: l2 norm of u; still: as in LatinEquilibrium. Collective */
 static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
@@ -241,7 +241,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   size *= PETSC_MACHINE_EPSILON;
   moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
-  if (moves || gaps) *missed = balance->gap;
+  if (moves || (gaps && balance->gap > LATIN_GAP_POINT * size)) *missed = balance->gap;
   PetscFunctionReturn(0);
 }
 
