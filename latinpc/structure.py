@@ -24,7 +24,7 @@ from latinpc.results.notices import duplicates, unlinked_as_value
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
-from latinpc.userlaws import register_table
+from latinpc.userlaws import own_stiffness, register_table
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -64,7 +64,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         or `register_law` returns.
     stiffness : (m,) array_like of float, or float
         k (N/m), positive. Of a rigid law (3 to 6) it is the search parameter: it affects speed, not the result; 0:
-        automatic. Of a table, 0 means the table's own stiffness. Either this or `EA` is given.
+        automatic. Of a table, 0 means the table's own stiffness, which the attribute then has. Either this or
+        `EA` is given.
     initial_elongation : (m,) array_like of float, or float, optional
         e0 (m), zero by default; the self-stress is k e0. Of a contact, the gap.
     fixed : (n, dim) array_like of bool, optional
@@ -218,7 +219,9 @@ class Structure(Geometry, Equations, Actions, Plots):
     def _make(self, given, comm, name, prestress=None, geometry="linear"):
         """Check the arrays, keep them, and distribute them."""
         self.comm = communicator(comm)
-        for array, values in self._checked(given).items():
+        arrays = self._checked(given)
+        arrays["stiffness"] = own_stiffness(arrays["law"], arrays["stiffness"])
+        for array, values in arrays.items():
             self._keep(array, values)
         self.name = name
         self._handle = handle = _latin.StructureHandle()

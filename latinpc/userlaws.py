@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from latinpc.arrays import REAL, native
 from latinpc.library import _latin
 
-__all__ = ["register_law", "register_table"]
+__all__ = ["own_stiffness", "register_law", "register_table"]
+
+_STEEPEST: dict[int, float] = {}  # slope of each table where it is steepest (N/m), by its number
 
 
 def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table") -> int:
@@ -42,7 +44,17 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
     x, tau = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
     if len(x) != len(tau):
         raise ValueError(f"a law needs as many tensions as elongations, not {len(tau)} for {len(x)}")
-    return _latin.register_table(name, x, tau)
+    law = _latin.register_table(name, x, tau)
+    _STEEPEST[law] = float((np.diff(tau) / np.diff(x)).max())
+    return law
+
+
+def own_stiffness(law: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Return the stiffnesses of links (N/m), that of the table where 0 stands for it; not collective."""
+    for number in np.unique(law[stiffness == 0.0]):
+        if number in _STEEPEST:
+            stiffness = np.where((law == number) & (stiffness == 0.0), _STEEPEST[number], stiffness)
+    return stiffness
 
 
 def register_law(

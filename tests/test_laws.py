@@ -6,6 +6,7 @@ from petsc4py import PETSc
 from support import latin, solve
 
 import latinpc
+from latinpc.results import mechanics
 from latinpc.scenes import Law, Scene
 
 K, E0 = 2000.0, 0.25
@@ -132,3 +133,30 @@ def test_initial_elongation_out_of_reach_of_the_load_makes_cables_bars():
     """Cables that stay taut give the very iterates of bars."""
     bars, cables = (solve(between(law, 5.0), max_it=3, stol=0) for law in (Law.BAR, Law.CABLE))
     assert cables.u == pytest.approx(bars.u, rel=1e-13)
+
+
+# ---- tables in results -------------------------------------------------------------------------
+YIELDS = ([-2e-3, -1e-3, 1e-3, 2e-3], [-10.0, -10.0, 10.0, 10.0], "yields")
+
+
+def test_a_table_that_yields_is_not_said_to_be_slack():
+    """A weight of 25 N on a bar that yields at 10 N: its law is named, and so is how it fails."""
+    law = latinpc.register_table(*YIELDS)
+    pair = dict(nodes=[[0.0], [1.0], [2.0]], links=[[0, 1], [1, 2]], law=[law, Law.CABLE], stiffness=[0.0, 5.0])
+    structure = latinpc.Structure(**pair, fixed=[[1], [0], [1]], load=[[0], [25], [0]], comm=PETSc.COMM_SELF)
+    with pytest.warns(latinpc.ConvergenceWarning):
+        found = structure.solve()
+    assert not found.converged
+    assert "no equilibrium: links that are slack or yield no longer hold nodes 1" in found.notices
+    assert "2 links (1 cable, 1 link of the law yields) in 1D" in str(found)
+
+
+@pytest.mark.parametrize(("tensions", "e0"), [([2e-14, 0.0], 1e-3), ([8.0, -8.0 + 1e-13], 0.0)])
+def test_forces_of_tables_that_are_rounding_balance(tensions, e0):
+    """Without loads the stiffness of the table, and what it bears, say what rounding is; the structure knows both."""
+    law, tensions = latinpc.register_table(*YIELDS), np.array(tensions)
+    structure = latinpc.Structure(
+        [[0.0], [1.0]], [[0, 1], [0, 1]], law, 0.0, e0, fixed=[[1], [0]], comm=PETSc.COMM_SELF
+    )
+    assert list(structure.stiffness) == [1e4, 1e4]
+    assert mechanics.balance(structure, tensions, mechanics.reactions(structure, tensions)).force < 1e-2

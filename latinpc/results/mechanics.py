@@ -132,7 +132,7 @@ def _left(scene, tensions, load):
 
 
 OWN = 1e-8  # a direction that differs so much from that of the nodes is one of its own: LATIN_TURNING_OWN
-ROUNDING = 1e-10  # of the largest stiffness times the largest elongation that is given: forces that are none
+ROUNDING = 1e-10  # of the largest stiffness times the largest elongation given, and of tensions: forces that are none
 
 
 def keeps_direction(scene):
@@ -247,7 +247,7 @@ def balance(scene, tensions, reactions, load=None):
         moment -= np.cross(lines, pull).sum(axis=0)
     whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
     moved = np.abs(scene.initial_elongation).max() + np.abs(scene.prescribed).max()
-    rounding = ROUNDING * scene.stiffness.max() * moved
+    rounding = ROUNDING * max(scene.stiffness.max() * moved, np.abs(tensions).max())
     whole = max(whole, rounding) or 1.0  # forces of slack links are rounding, and balance as such
     size = np.linalg.norm(arms, axis=1).max() or 1.0
     force = float(np.linalg.norm(forces.sum(axis=0)) / whole)

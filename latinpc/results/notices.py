@@ -109,15 +109,16 @@ def _no_equilibrium(snes, structure):
         rigid = structure.link_names(links, jammed > len(links))
         return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
     rubs = (structure.law == Law.FRICTION).any()
+    loose = "links that are slack or yield" if (structure.law >= len(Law)).any() else "slack links"
     if unsupported and np.isinf(distance):
-        held = "neither links nor friction hold" if rubs else "slack links no longer hold"
+        held = "neither links nor friction hold" if rubs else f"{loose} no longer hold"
         return [f"no equilibrium: {held} nodes {named}"]
     if unsupported and rubs:
         text = "they slide or fall, or it has not been found how friction holds them: no theorem says that it is"
         return [f"contacts that bear do not hold nodes {named}: {text}"]
     if unsupported:
         text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
-        return [f"slack links do not hold nodes {named} yet: {text}"]
+        return [f"{loose} do not hold nodes {named} yet: {text}"]
     if rubs:
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []

@@ -19,9 +19,9 @@ SHOWN = 10  # steps of a load path
 def summary(result, verbose=False):
     """Return the summary of a solve, as lines of (label, text); `verbose` adds what the solver has counted."""
     scene, report = result.structure, result.report
-    laws = ", ".join(
-        counted(count, law.noun, law.plural) for law in Law if (count := int(np.count_nonzero(scene.law == law)))
-    )
+    kinds = [counted(count, law.noun, law.plural) for law in Law if (count := int(np.count_nonzero(scene.law == law)))]
+    own, counts = np.unique(scene.laws[scene.law >= len(Law)], return_counts=True)
+    laws = ", ".join(kinds + [f"{counted(int(count), 'link')} of the law {name}" for name, count in zip(own, counts)])
     made = report.get("scene_options", {})
     lines = [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
     size = f"{counted(len(scene.nodes), 'node')}, {counted(report['links'], 'link')} ({laws}) in {scene.dim}D"
