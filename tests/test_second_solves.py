@@ -371,3 +371,19 @@ def test_a_warm_start_ends_where_loads_are_taken_away(law, how):
         forces = row.create_vec()
         row.residual(u, forces)
         assert forces.norm() <= 1e-2 * part * np.linalg.norm(load) + 1e-15
+
+
+@pytest.mark.parametrize("warm", ["none", "last", "extrapolate"])
+def test_a_load_after_one_that_nothing_bears_starts_from_rest(warm):
+    """A bar that yields under pressure: its node has gone far when it is pulled again, which is no second collapse."""
+    law = latinpc.register_table([-2.0, -1.0, 0.0], [-0.01, -0.01, 0.0])
+    structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
+    with default_options({"snes_latin_warm_start": warm}):
+        snes = structure.create_snes()
+        snes.setFromOptions()
+    u = structure.create_vec()
+    for force, borne in ((0.02, True), (-0.06, False), (0.02, True)):
+        structure.set_load([[0.0], [force]])
+        snes.solve(None, u)
+        assert (snes.getConvergedReason() > 0) == borne
+        assert not borne or u.getArray()[0] == pytest.approx(force / 0.01, rel=1e-9)

@@ -351,7 +351,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   PetscCall(SNESLatinRun_Private(snes));
-  if (data->next == LATIN_NEXT_ROUNDING && data->warm && data->has_state && !data->large.frame) { /* that of the last solve, which may be larger: from rest */
+  if ((data->next == LATIN_NEXT_ROUNDING || data->next == LATIN_NEXT_DIVERGED) && (data->guess || (data->warm && data->has_state)) && !data->large.frame) { /* a guess, or the last state, may be far from the solution: from rest */
     data->has_state = PETSC_FALSE;
     PetscCall(VecZeroEntries(snes->vec_sol));
     PetscCall(SNESLatinPrepare_Private(snes));
