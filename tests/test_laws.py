@@ -160,3 +160,22 @@ def test_forces_of_tables_that_are_rounding_balance(tensions, e0):
     )
     assert list(structure.stiffness) == [1e4, 1e4]
     assert mechanics.balance(structure, tensions, mechanics.reactions(structure, tensions)).force < 1e-2
+
+
+def test_a_solve_that_is_given_up_does_not_ask_for_more_iterations():
+    """A table that is in compression whatever its elongation pushes a node without load: 10,000 stages are allowed."""
+    laws = [
+        latinpc.register_table([-1.4, -1.1, 0.8], [-1, 0, 1]),
+        latinpc.register_table([-1.5, 0.6, 0.7], [-3, -1, -1]),
+    ]
+    structure = latinpc.Structure(
+        [[0.6, 0.2], [0.6, 1.9], [1.6, 0.0]], [[0, 2], [1, 2]], laws, 0.0, fixed=[[1, 1], [1, 1], [0, 0]],
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    with pytest.warns(latinpc.ConvergenceWarning):
+        found = structure.solve()
+    assert "DIVERGED_MAX_IT" in found.reason and found.iterations < 10_000
+    assert any(text.startswith("given up after") for text in found.notices)
+    with pytest.warns(latinpc.ConvergenceWarning):
+        found = structure.solve(options={"snes_max_it": 3})
+    assert found.iterations == 3 and not any(text.startswith("given up after") for text in found.notices)

@@ -87,6 +87,11 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
         notices.append("rounding hides what the loads do: a part of the structure is a mechanism, or nearly one")
     elif least and len(past.get("estimate", ())):
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
+    if snes.getType() == "latin" and structure.geometry == "linear" and _given_up(snes):
+        notices.append(
+            f"given up after {snes.getIterationNumber():,} stages, where Newton's method had failed: usually there is"
+            " no equilibrium, and a larger -snes_max_it changes nothing"
+        )
     if snes.getType() == "latin" and reason < 0:
         notices += _no_equilibrium(snes, structure)
         if not any(text.startswith("no equilibrium") for text in notices):
@@ -96,6 +101,12 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
             "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
         )
     return notices
+
+
+def _given_up(snes):
+    """Return whether a solve has ended before the stages that are allowed, as if they had not been enough."""
+    ended = snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+    return ended and snes.getIterationNumber() < snes.getTolerances()[3]
 
 
 def _no_equilibrium(snes, structure):
