@@ -415,6 +415,11 @@ BAD = [
     ("displacement = [0.0, -0.02]", "moved = 1", ["'sunk': [case.settlements.left]", "unknown key 'moved'"]),
     ('where = "x=min"\ndisplacement = [0.0, -0.02]', "", ["[case.settlements.left]", "no group has this name"]),
     ('where = "x=min"', 'where = "y=max"', ["[case.settlements.left]", "in which a node is not held"]),
+    (
+        "[case.settlements.left]",
+        '[case.settlements.feet]\nwhere = "y=min"\ndisplacement = [0.01, 0.0]\n[case.settlements.left]',
+        ["[case.settlements.left]: displacement: a node has another one of a group above"],
+    ),
     ("expansion = 1e-5", "", ["'summer': [case.elongations.bars]", "go together"]),
     ("shortening = 0.5", "", ["'tight': [case.elongations.cable]", "give temperature"]),
     ("shortening = 0.5", "shortening = nan", ["shortening must be a finite number"]),

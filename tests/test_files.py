@@ -219,6 +219,11 @@ BAD = [
     (CABLE, 'law = "contact"\ncoefficient = 0.3', ["coefficient is of no use to the law contact"]),
     (CABLE, 'law = "friction"', ["coefficient must be a finite number"]),
     (CABLE, 'law = "friction"\ncoefficient = -1', ["coefficient must not be negative"]),
+    (
+        "[loads.top]",
+        "[velocities.top]\nvelocity = [1.0, 0.0]\n[velocities.all]\nvelocity = [0.0, 1.0]\n[loads.top]",
+        ["[velocities.all]: velocity: a node has another one of a group above"],
+    ),
     (CABLE, 'law = "friction"\ncoefficient = 0.1\nnormal = [0, 0]', ["normal has no length"]),
     (CABLE, 'law = "table"', ["table must be a list", "pairs"]),
     (CABLE, 'law = "table"\ntable = [[0, 0], [1, -1]]', ["tensions must not decrease"]),

@@ -36,7 +36,7 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.scenes.case import Case
 
-from .description import LOAD_KEYS, check_keys, lines_of, nodes_of, number, one_of, read_loads, vector
+from .description import LOAD_KEYS, assign, check_keys, lines_of, nodes_of, number, one_of, read_loads, vector
 from .text import nearest
 
 KEYS = ("name", "part", "combine", "loads", "settlements", "elongations")
@@ -111,7 +111,7 @@ def _combined(table, cases, where):
 
 def _settlements(table, scene, node_groups, where):
     """Return the displacements (n, dim) of held nodes."""
-    moved = np.zeros(scene.nodes.shape)
+    moved, taken = np.zeros(scene.nodes.shape), np.zeros(len(scene.nodes), bool)
     for group, entries in table.get("settlements", {}).items():
         place = f"{where}: [case.settlements.{group}]"
         chosen = nodes_of(group, entries, scene.nodes, node_groups, place)
@@ -120,7 +120,7 @@ def _settlements(table, scene, node_groups, where):
         value = vector(entries["displacement"], scene.dim, f"{place}: displacement")
         if (value[None] * ~scene.fixed[chosen]).any():
             raise ValueError(f"{place}: a displacement in a direction in which a node is not held")
-        moved[chosen] = value
+        assign(moved, taken, chosen, value, f"{place}: displacement")
     return moved
 
 

@@ -132,6 +132,13 @@ def lines_of(group, entries, line_groups, where):
     return line_groups[name]
 
 
+def assign(values, taken, chosen, value, where):
+    """Give the rows of chosen nodes a value, in place; refuse another one than that of a group before."""
+    if (taken[chosen] & (values[chosen] != value).any(axis=1)).any():
+        raise ValueError(f"{where}: a node has another one of a group above; give each node one, or the same twice")
+    values[chosen], taken[chosen] = value, True
+
+
 def _to_ends(values, links, count):
     """Return the sums at the nodes of values of links (k,) or (k, dim), half of each to either end."""
     halves = np.repeat(values / 2.0, 2, axis=0)
@@ -209,11 +216,12 @@ def read_velocities(settings, nodes, node_groups, fixed, description):
     """Return the initial velocities (n, dim) in m/s, zero where fixed, None without any."""
     if not settings.get("velocities"):
         return None
-    velocity = np.zeros(nodes.shape)
+    velocity, taken = np.zeros(nodes.shape), np.zeros(len(nodes), bool)
     for group, entries in settings["velocities"].items():
         where = place(description, "velocities", group)
         chosen = nodes_of(group, entries, nodes, node_groups, where)
         if "velocity" not in entries:
             raise ValueError(f"{where}: key 'velocity' is missing; give velocity = [vx, ..] in m/s of each node")
-        velocity[chosen] = vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")
+        value = vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")
+        assign(velocity, taken, chosen, value, f"{where}: velocity")
     return np.where(fixed, 0.0, velocity)
