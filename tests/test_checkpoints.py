@@ -134,3 +134,22 @@ def test_misuse_on_the_command_line(words, sentence, tmp_path, capsys, monkeypat
         assert call(["lattice", "--increments", 2, "--checkpoint", "state"]) == 0
     assert call(words) == 2
     assert sentence in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_table_with_other_points_is_another_structure(tmp_path):
+    """Two programs give their first table the same number: a run does not go on with other tensions."""
+    (tmp_path / "rod").mkdir()
+    (tmp_path / "rod/nodes.csv").write_text("x,fix,Fx\n0,x,\n1,,2\n")
+    (tmp_path / "rod/members.csv").write_text("start,end,group\n1,2,spring\n")
+
+    def solve(last, *words):
+        table = f"[[0.0, 0.0], [1.0, 5.0], [2.0, {last}]]"
+        (tmp_path / "rod.toml").write_text(f'[laws.spring]\nlaw = "table"\ntable = {table}\n')
+        call = launch("rod", "--increments", 2, *words)
+        return subprocess.run(call, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+
+    assert solve(6.0, "--checkpoint", "state").returncode == 0
+    assert solve(6.0, "--restart", "state").returncode == 0
+    changed = solve(7.0, "--restart", "state")
+    assert changed.returncode == 2
+    assert "another structure" in " ".join(changed.stderr.split())

@@ -117,6 +117,22 @@ static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, 
   PetscFunctionReturn(0);
 }
 
+/* Adds the points of the tables that links here have to a hash: another program may give their numbers to others */
+static void LatinStateTables(const LatinStructure structure, uint64_t *hash)
+{
+  PetscBool used[LATIN_LAWS_MAX] = {PETSC_FALSE};
+
+  for (PetscInt l = 0; l < structure->links_local; l++) used[structure->law[l]] = PETSC_TRUE;
+  for (PetscInt law = 0; law < LatinLawCount; law++) {
+    const PetscReal *strain = NULL, *tension = NULL;
+    const size_t     size = used[law] ? (size_t)LatinLawPoints(law, &strain, &tension) * sizeof(PetscReal) : 0;
+
+    if (!size) continue;
+    *hash = LatinStateHash(*hash, size, strain);
+    *hash = LatinStateHash(*hash, size, tension);
+  }
+}
+
 /* *all: hash of the structure, partition, interfaces and search direction; not of loads and initial elongations, which may change between solves. Collective on state->snes */
 static PetscErrorCode LatinStateStructure_Private(const LatinState *state, double *all)
 {
@@ -133,6 +149,7 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
   hash = LatinStateHash(hash, n * sizeof(PetscReal), state->ts ? structure->mass : NULL);
   hash = LatinStateHash(hash, 2 * m * sizeof(PetscInt), structure->nodes);
   hash = LatinStateHash(hash, m * sizeof(PetscInt), structure->law);
+  LatinStateTables(structure, &hash);
   hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->stiffness);
   hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->friction);
   hash = LatinStateHash(hash, m * dim * sizeof(PetscReal), structure->direction);

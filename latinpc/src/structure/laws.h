@@ -85,6 +85,7 @@ typedef struct {
 PETSC_INTERN LatinLaw       LatinLaws[];
 PETSC_INTERN PetscInt       LatinLawCount;
 PETSC_INTERN PetscReal      LatinLawLocal(PetscInt law, PetscReal l, PetscReal e0, PetscReal y);
+PETSC_INTERN PetscInt       LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal *tension[]);
 PETSC_INTERN PetscErrorCode LatinLawsFinalize_Private(void);
 
 /* The sign of a unilateral law of the table */

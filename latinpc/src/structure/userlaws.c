@@ -136,6 +136,17 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscFunctionReturn(0);
 }
 
+/* Number of points of a table, with its strains and its tensions over the steepest slope; 0 for other laws */
+PetscInt LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal *tension[])
+{
+  const LatinTable *table = (const LatinTable *)LatinLaws[law].ctx;
+
+  if (LatinLaws[law].tension != LatinLawTension_Table) return 0;
+  *strain  = table->x;
+  *tension = table->t;
+  return table->n;
+}
+
 /* Is the law a table of these points? */
 static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscReal steepest)
 {
