@@ -18,13 +18,12 @@ from latinpc.arrays import REAL, Slices, communicator, index_set, native
 from latinpc.checks import ARRAYS, COPIED, Checks, axial_stiffness, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
-from latinpc.laws import Law
 from latinpc.library import _latin
 from latinpc.results.notices import duplicates, unlinked_as_value
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
-from latinpc.userlaws import own_stiffness, register_table
+from latinpc.userlaws import own_stiffness, registered
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -207,9 +206,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         Structure
         """
         given = {name: getattr(scene, name) for name in ARRAYS}
-        if scene.tables:
-            tables = [register_table(*table) for table in scene.tables]
-            given["law"] = np.append(np.array(Law), tables)[scene.law]
+        given["law"] = registered(scene)
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
         structure._make(given, comm, scene.name, geometry=scene.geometry)

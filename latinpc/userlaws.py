@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from latinpc.arrays import REAL, native
+from latinpc.laws import Law
 from latinpc.library import _latin
 
-__all__ = ["own_stiffness", "register_law", "register_table"]
+__all__ = ["own_stiffness", "own_tensions", "register_law", "register_table", "registered"]
 
 _STEEPEST: dict[int, float] = {}  # slope of each table where it is steepest (N/m), by its number
+_TENSIONS: dict[int, Callable] = {}  # tensions of each law from arrays of stiffnesses and of strains e + e0
 
 
 def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table") -> int:
@@ -45,8 +48,33 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
     if len(x) != len(tau):
         raise ValueError(f"a law needs as many tensions as elongations, not {len(tau)} for {len(x)}")
     law = _latin.register_table(name, x, tau)
-    _STEEPEST[law] = float((np.diff(tau) / np.diff(x)).max())
+    slopes = np.diff(tau) / np.diff(x)
+    _STEEPEST[law] = float(slopes.max())
+
+    def tensions(k, strain):
+        i = np.clip(np.searchsorted(x, strain, side="right") - 1, 0, len(slopes) - 1)
+        return k / slopes.max() * (tau[i] + slopes[i] * (strain - x[i]))
+
+    _TENSIONS[law] = tensions
     return law
+
+
+def registered(scene: Any) -> np.ndarray:
+    """Return the laws of a scene, or of a structure, by the numbers of the library; not collective.
+
+    Tables of a scene are registered.
+    """
+    tables = [register_table(*table) for table in getattr(scene, "tables", ())]
+    return np.append(np.array(Law), tables).astype(int)[scene.law] if tables else scene.law
+
+
+def own_tensions(law: np.ndarray, stiffness: np.ndarray, strain: np.ndarray) -> np.ndarray:
+    """Return the tensions (N) of links of registered laws at strains e + e0 (m); not collective."""
+    found, stiffness = np.zeros(len(law)), own_stiffness(law, stiffness)
+    for number in np.unique(law):
+        chosen = law == number
+        found[chosen] = _TENSIONS[number](stiffness[chosen], strain[chosen])
+    return found
 
 
 def own_stiffness(law: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
@@ -89,9 +117,11 @@ def register_law(
     """
     if REAL.itemsize != 8:
         raise ValueError(f"a law of functions computes in double precision, this PETSc in {REAL}: take register_table")
-    return _latin.register_law(
-        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
-    )
+    addresses = [_address(function) for function in (tension, tangent, energy, local)]
+    law = _latin.register_law(name, *addresses, context or 0)
+    call = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_void_p)(addresses[0])
+    _TENSIONS[law] = np.vectorize(lambda k, x: call(k, x, context), otypes=[float])
+    return law
 
 
 def _address(function):

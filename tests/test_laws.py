@@ -1,5 +1,7 @@
 """Laws of links: bars, cables and compression-only links as (2), (4) and (5) have them, alone and in a structure."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -179,3 +181,44 @@ def test_a_solve_that_is_given_up_does_not_ask_for_more_iterations():
     with pytest.warns(latinpc.ConvergenceWarning):
         found = structure.solve(options={"snes_max_it": 3})
     assert found.iterations == 3 and not any(text.startswith("given up after") for text in found.notices)
+
+
+CALL = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_void_p)
+CUBIC = [  # tension, tangent, energy; they live as long as the structures
+    CALL(lambda k, x, context: k * (x + x**3)),
+    CALL(lambda k, x, context: k * (1.0 + 3.0 * x * x)),
+    CALL(lambda k, x, context: k * (x * x / 2.0 + x**4 / 4.0)),
+]
+
+
+def pulled():
+    """Two taut links in line, of a table and of a law in Python, a bar or a cable beside them; the middle is pushed."""
+    laws = [
+        latinpc.register_table([-1.0, 0.0, 0.1, 1.0], [0.0, 0.0, 60.0, 100.0]),
+        latinpc.register_law("cubic", *CUBIC),
+    ]
+    return latinpc.Structure(
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2], [0, 1], [1, 2]], [*laws, Law.BAR, Law.CABLE],
+        [0.0, 300.0, 10.0, 20.0], initial_elongation=[0.2, 0.2, 0.1, -0.3], geometry="prestress",
+        fixed=[[1, 1], [0, 0], [1, 1]], load=[[0.0, 0.0], [3.0, 5.0], [0.0, 0.0]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def test_tensions_without_the_library_are_those_of_the_library():
+    structure = pulled()
+    u = structure.create_vec()
+    for value in (-0.5, -0.13, 0.0, 0.04, 0.7):
+        u.set(value)
+        elongation = mechanics.elongations(structure, structure.displacements(u))
+        assert mechanics.tensions_at(structure, elongation) == pytest.approx(
+            structure.tensions(u), rel=1e-13, abs=1e-13
+        )
+
+
+def test_reactions_balance_where_tables_resist_turning():
+    """With geometry prestress links push their supports sideways by their tensions as drawn, whatever their law."""
+    found = pulled().solve()
+    assert found.converged
+    assert found.reactions.sum(axis=0) == pytest.approx([-3.0, -5.0], rel=1e-9)
+    assert found.balance.moment < 1e-9
+    assert not any("do not balance" in text for text in found.notices)

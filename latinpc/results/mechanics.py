@@ -48,7 +48,7 @@ def changes_of_length(scene, displacement):
 
 
 def tensions(scene, displacement):
-    """Return the tensions of bars, cables and compression-only links, equations (2), (4), (5).
+    """Return the tensions of links that are not rigid, equations (2), (4), (5).
 
     Parameters
     ----------
@@ -65,10 +65,17 @@ def tensions(scene, displacement):
 
 
 def tensions_at(scene, elongation):
-    """Return the tensions (N) of bars, cables and compression-only links at elongations (m)."""
-    tau = scene.stiffness * (elongation + scene.initial_elongation)
+    """Return the tensions (N) of links that are not rigid at elongations (m)."""
+    strain = elongation + scene.initial_elongation
+    tau = scene.stiffness * strain
     tau = np.where(scene.law == Law.CABLE, np.maximum(tau, 0.0), tau)
-    return np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(tau, 0.0), tau)
+    tau = np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(tau, 0.0), tau)
+    own = scene.law >= len(Law)
+    if own.any():
+        from latinpc.userlaws import own_tensions, registered
+
+        tau[own] = own_tensions(registered(scene)[own], scene.stiffness[own], strain[own])
+    return tau
 
 
 def slack(scene, tensions, largest=None):
@@ -184,7 +191,7 @@ class Leaning:
     Parameters
     ----------
     structure : Scene or Structure
-        Of bars, cables and compression-only links.
+        Without rigid links.
     displacements : (n, dim) array
         In m.
     """

@@ -253,9 +253,8 @@ def changed(result: Result) -> list[str]:
     structure, displacements = result.structure, result.displacements
     if structure.geometry != "prestress" or not result.converged:
         return []
-    plain = structure.law <= Law.COMPRESSION_ONLY  # tensions of other laws are the library's
-    drawn = np.where(plain, tensions_at(structure, np.zeros(len(plain))), 0.0)
-    now = np.where(plain, tensions_at(structure, changes_of_length(structure, displacements)), 0.0)
+    drawn = tensions_at(structure, np.zeros(len(structure.links)))
+    now = tensions_at(structure, changes_of_length(structure, displacements))
     size = np.linalg.norm(drawn)
     part = np.linalg.norm(now - drawn) / size if size > 0.0 else 0.0
     ends = structure.fixed.all(axis=1)[structure.links]
