@@ -222,3 +222,24 @@ def test_reactions_balance_where_tables_resist_turning():
     assert found.reactions.sum(axis=0) == pytest.approx([-3.0, -5.0], rel=1e-9)
     assert found.balance.moment < 1e-9
     assert not any("do not balance" in text for text in found.notices)
+
+
+@pytest.mark.filterwarnings("ignore")  # the accuracy may be out of reach
+def test_a_table_that_will_yield_bears_what_is_below_its_limit():
+    """A node strays along the slack part of its table, which bears 5 N before it yields: 0.02 N prove no collapse."""
+    laws = [
+        latinpc.register_table([-2.0, -1.0, 1.0, 2.0], [-10.0, -10.0, 10.0, 10.0]),
+        Law.INEXTENSIBLE,
+        latinpc.register_table([-1.0, 0.0, 1.0], [-1000.0, 0.0, 1.0]),
+        latinpc.register_table([-1.0, 0.0, 1.0, 3.0], [0.0, 0.0, 5.0, 5.0]),
+        latinpc.register_table([-0.64, -0.237, 0.0, 0.257, 0.536, 1.2], [-36.7, -28.41, -28.36, 0.0, 0.0, 0.158]),
+    ]
+    structure = latinpc.Structure(
+        np.array([[2.71, 4.91, 6.18, 1.98, -0.19, 4.13, 1.2]]).T, [[1, 3], [2, 4], [0, 5], [1, 6], [3, 5]], laws,
+        [0.0, 0.0, 0.0, 0.0, 7.763], initial_elongation=[0.1013, -0.8012, 0.01334, 0.0, 0.2589],
+        fixed=np.array([[1, 1, 1, 0, 0, 0, 0]]).T, prescribed=np.array([[-0.274, -0.022, -0.0465, 0, 0, 0, 0]]).T,
+        load=np.array([[0.0, 0.0, 0.0, 0.2, -0.05, -0.7, -0.02]]).T, subdomain=[0] * 5, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    found = structure.solve()
+    assert not any(text.startswith("no equilibrium") for text in found.notices)
+    assert found.displacements[6, 0] == pytest.approx(-0.022 - 0.02 / 5.0, rel=1e-6)

@@ -324,25 +324,26 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
 /*
    Is a Newton step a mechanism: no link resists it at any amplitude, and the loads do work on it? Then the energy is unbounded below, and
    the verdict is LATIN_UNBOUNDED, with the nodes that move; else *found is unchanged. A link that resists once its gap has
-   closed is not part of a mechanism. r: unbalance after the step. Collective on structure
+   closed, or that bears the loads before it yields, is not part of a mechanism. r: unbalance after the step. Collective on structure
 */
 PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
 {
-  PetscReal   length, least, resisted, load, beside = 0.0;
+  PetscReal   length, least, resisted, borne, load, beside = 0.0;
   PetscScalar pushed, other = 0.0, left;
 
   PetscFunctionBegin;
   PetscCall(VecNorm(step, NORM_2, &length));
   if (!(length > 0.0) || PetscIsInfOrNanReal(length)) PetscFunctionReturn(0);
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
-  PetscCall(LatinStructureResistFar_Private(structure, step, &resisted));
+  PetscCall(LatinStructureResistFar_Private(structure, step, &resisted, &borne));
   PetscCall(VecDot(structure->load, step, &pushed));
   if (more) PetscCall(VecDot(more, step, &other));
   PetscCall(VecDot(r, step, &left));
   PetscCall(VecNorm(structure->load, NORM_2, &load));
   if (more) PetscCall(VecNorm(more, NORM_2, &beside));
   if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
-  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* -step is the motion; an unheld node without load moves by rounding alone */
+  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0);                    /* -step is the motion; an unheld node without load moves by rounding alone */
+  if (-PetscRealPart(pushed + other) - borne <= -LATIN_LOAD_LEFT * PetscRealPart(pushed + other)) PetscFunctionReturn(0); /* links that will yield bear the loads before they do */
   PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
   PetscFunctionReturn(0);
 }

@@ -77,18 +77,27 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionReturn(0);
 }
 
-/* *resisted: curvature of the energy along u - t step for t to infinity, from the stiffness of links at large strains. Collective on structure */
-PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted)
+/*
+   *resisted: curvature of the energy along u - t step for t to infinity, from the stiffness of links at large strains. *borne: its slope there
+   from the tensions of links without stiffness, as those that yield; without loads. Collective on structure
+*/
+PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted, PetscReal *borne)
 {
-  PetscReal *d, ground;
+  PetscReal *d, ground, sum[2] = {0.0, 0.0};
 
   PetscFunctionBegin;
-  *resisted = 0.0;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &d));
   PetscCall(LatinStructureElongations_Private(structure, NULL, step, d));
-  for (PetscInt l = 0; l < structure->links_local; l++) *resisted += LatinStructureTangent(structure, l, d[l] < 0.0 ? LATIN_FAR : -LATIN_FAR) * d[l] * d[l];
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal far = d[l] < 0.0 ? LATIN_FAR : -LATIN_FAR, k = LatinStructureTangent(structure, l, far);
+
+    sum[0] += k * d[l] * d[l];
+    if (k == 0.0 && !LatinLaws[structure->law[l]].rigid) sum[1] -= LatinStructureTension(structure, NULL, l, far) * d[l];
+  }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &d));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, resisted, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *resisted = sum[0];
+  *borne    = sum[1];
   PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &ground));
   *resisted += ground;
   PetscFunctionReturn(0);

@@ -186,7 +186,7 @@ PETSC_INTERN PetscErrorCode LatinTangentGive_Private(LatinStructure, const Petsc
 PETSC_INTERN PetscErrorCode LatinTangentCreate_Private(LatinStructure, Mat *);
 PETSC_INTERN PetscErrorCode LatinTangentChanges_Private(LatinStructure, Vec u, PetscReal floor, Mat, PetscInt *);
 PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, Vec step, Vec more, PetscReal *length);
-PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted);
+PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted, PetscReal *borne);
 
 /* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
