@@ -60,6 +60,8 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinLawRegister(const char *, const LatinLawFunctions *, PetscInt *)
     PetscErrorCode LatinLawRegisterTable(const char *, PetscInt, const PetscReal *, const PetscReal *, PetscInt *)
     PetscErrorCode LatinLawGetName(PetscInt, const char **)
+    PetscErrorCode LatinLawGetStiffness(PetscInt, PetscReal *)
+    PetscErrorCode LatinLawGetTension(PetscInt, PetscReal, PetscReal, PetscReal *)
 
     PetscErrorCode LatinStructureCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinStructure *)
     PetscErrorCode LatinStructureSetLaws(LatinStructure, const PetscInt *, const PetscReal *, const PetscReal *)

@@ -126,6 +126,23 @@ def law_names():
         names.append(name.decode())
 
 
+def law_stiffness(law):
+    """Return the stiffness that links of a law have where none is given; 0: none."""
+    cdef PetscReal stiffness = 0
+    CHKERR(LatinLawGetStiffness(law, &stiffness))
+    return stiffness
+
+
+def law_tensions(law, stiffness, strain):
+    """Return the tensions of links of a law that is not rigid, from arrays of stiffnesses and of strains e + e0."""
+    cdef PetscReal tension = 0
+    found = np.empty(len(strain))
+    for link in range(len(strain)):
+        CHKERR(LatinLawGetTension(law, stiffness[link], strain[link], &tension))
+        found[link] = tension
+    return found
+
+
 include "_structure.pxi"
 
 

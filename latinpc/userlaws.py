@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,6 @@ from latinpc.laws import Law
 from latinpc.library import _latin
 
 __all__ = ["own_stiffness", "own_tensions", "register_law", "register_table", "registered"]
-
-_STEEPEST: dict[int, float] = {}  # slope of each table where it is steepest (N/m), by its number
-_TENSIONS: dict[int, Callable] = {}  # tensions of each law from arrays of stiffnesses and of strains e + e0
 
 
 def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table") -> int:
@@ -47,16 +43,7 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
     x, tau = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
     if len(x) != len(tau):
         raise ValueError(f"a law needs as many tensions as elongations, not {len(tau)} for {len(x)}")
-    law = _latin.register_table(name, x, tau)
-    slopes = np.diff(tau) / np.diff(x)
-    _STEEPEST[law] = float(slopes.max())
-
-    def tensions(k, strain):
-        i = np.clip(np.searchsorted(x, strain, side="right") - 1, 0, len(slopes) - 1)
-        return k / slopes.max() * (tau[i] + slopes[i] * (strain - x[i]))
-
-    _TENSIONS[law] = tensions
-    return law
+    return _latin.register_table(name, x, tau)
 
 
 def registered(scene: Any) -> np.ndarray:
@@ -70,18 +57,17 @@ def registered(scene: Any) -> np.ndarray:
 
 def own_tensions(law: np.ndarray, stiffness: np.ndarray, strain: np.ndarray) -> np.ndarray:
     """Return the tensions (N) of links of registered laws at strains e + e0 (m); not collective."""
-    found, stiffness = np.zeros(len(law)), own_stiffness(law, stiffness)
+    found = np.zeros(len(law))
     for number in np.unique(law):
         chosen = law == number
-        found[chosen] = _TENSIONS[number](stiffness[chosen], strain[chosen])
+        found[chosen] = _latin.law_tensions(int(number), stiffness[chosen], strain[chosen])
     return found
 
 
 def own_stiffness(law: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Return the stiffnesses of links (N/m), that of the table where 0 stands for it; not collective."""
-    for number in np.unique(law[stiffness == 0.0]):
-        if number in _STEEPEST:
-            stiffness = np.where((law == number) & (stiffness == 0.0), _STEEPEST[number], stiffness)
+    for number in np.unique(law[(stiffness == 0.0) & (law >= len(Law))]):
+        stiffness = np.where((law == number) & (stiffness == 0.0), _latin.law_stiffness(int(number)), stiffness)
     return stiffness
 
 
@@ -117,11 +103,9 @@ def register_law(
     """
     if REAL.itemsize != 8:
         raise ValueError(f"a law of functions computes in double precision, this PETSc in {REAL}: take register_table")
-    addresses = [_address(function) for function in (tension, tangent, energy, local)]
-    law = _latin.register_law(name, *addresses, context or 0)
-    call = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_void_p)(addresses[0])
-    _TENSIONS[law] = np.vectorize(lambda k, x: call(k, x, context), otypes=[float])
-    return law
+    return _latin.register_law(
+        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
+    )
 
 
 def _address(function):

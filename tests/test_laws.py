@@ -8,6 +8,7 @@ from petsc4py import PETSc
 from support import latin, solve
 
 import latinpc
+from latinpc.library import _latin
 from latinpc.results import mechanics
 from latinpc.scenes import Law, Scene
 
@@ -213,6 +214,15 @@ def test_tensions_without_the_library_are_those_of_the_library():
         assert mechanics.tensions_at(structure, elongation) == pytest.approx(
             structure.tensions(u), rel=1e-13, abs=1e-13
         )
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [(int(Law.INEXTENSIBLE), "The law inextensible is rigid"), (10_000, "There is no law 10000"), (-1, "no law -1")],
+)
+def test_a_law_without_a_tension_of_its_own_is_refused(law, said):
+    with pytest.raises(PETSc.Error, match=said):
+        _latin.law_tensions(law, [1.0], [0.5])
 
 
 def test_reactions_balance_where_tables_resist_turning():

@@ -154,6 +154,8 @@ PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
 PETSC_EXTERN PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *, PetscInt *law);
 PETSC_EXTERN PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal elongation[], const PetscReal tension[], PetscInt *law);
 PETSC_EXTERN PetscErrorCode LatinLawGetName(PetscInt law, const char *name[]);
+PETSC_EXTERN PetscErrorCode LatinLawGetStiffness(PetscInt law, PetscReal *stiffness);
+PETSC_EXTERN PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal strain, PetscReal *tension);
 
 /* ---- structures ---- */
 PETSC_EXTERN PetscErrorCode LatinStructureCreate(MPI_Comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *);

@@ -106,6 +106,57 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
   PetscFunctionReturn(0);
 }
 
+/*@
+  LatinLawGetStiffness - Stiffness of links of a law where none is given: of a table its steepest slope, of the others zero, which stands for none.
+
+  Not collective
+
+  Input Parameter:
+. law - its number
+
+  Output Parameter:
+. stiffness - k, force/length
+
+  Level: advanced
+
+.seealso: `LatinLawGetTension()`, `LatinStructureSetLaws()`
+@*/
+PetscErrorCode LatinLawGetStiffness(PetscInt law, PetscReal *stiffness)
+{
+  PetscFunctionBegin;
+  PetscCheck(law >= 0 && law < LatinLawCount, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "There is no law %" PetscInt_FMT "; laws are numbered from 0 to %" PetscInt_FMT, law, LatinLawCount - 1);
+  *stiffness = LatinLaws[law].stiffness;
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinLawGetTension - Tension of a link at a strain, as equations (2), (4) and (5) give it for bars and cables.
+
+  Not collective
+
+  Input Parameters:
++ law       - its number; a rigid law is an error, as its tension is not a function of the strain
+. stiffness - k, force/length, zero: that of `LatinLawGetStiffness()`
+- strain    - x = e + e0, length
+
+  Output Parameter:
+. tension - force, positive in tension
+
+  Level: advanced
+
+.seealso: `LatinLawFunctions`, `LatinLawGetStiffness()`
+@*/
+PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal strain, PetscReal *tension)
+{
+  PetscReal own;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLawGetStiffness(law, &own));
+  PetscCheck(!LatinLaws[law].rigid, PETSC_COMM_SELF, PETSC_ERR_SUP, "The law %s is rigid: its tension is no function of the strain. SNESLatinGetTensions() gives that of a solution", LatinLaws[law].name);
+  *tension = LatinLaws[law].tension(stiffness > 0.0 ? stiffness : own, strain, LatinLaws[law].ctx);
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name appears in messages.
 
