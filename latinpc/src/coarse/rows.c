@@ -20,9 +20,9 @@ static PetscErrorCode LatinRowsTo_Private(PetscLayout map, PetscInt n, const Pet
   PetscMPIInt     ranks;
 
   PetscFunctionBegin;
+  *count = 0; /* first: the compiler takes an error below for a way to leave without it */
   PetscCallMPI(MPI_Comm_size(map->comm, &ranks));
   PetscCall(PetscLayoutGetRanges(map, &range));
-  *count = 0;
   for (PetscInt r = 0, q = 0, last; r < n; r = last) {
     while (q + 1 < ranks && number[r] >= range[q + 1]) q++;
     for (last = r; last < n && number[last] < range[q + 1]; last++) continue;
