@@ -96,6 +96,7 @@ static PetscErrorCode LatinWatchHandler_Private(MPI_Comm comm, int line, const c
 {
   PetscErrorCode same = ierr;
 
+  PetscFunctionBegin; /* PetscError() takes a function off PETSc's stack, and runs twice for this error: the one below takes this function */
   (void)ctx;
   if (type == PETSC_ERROR_INITIAL && !met && !apart) {
     (void)LatinWatchWait_Private(meeting, ierr);
