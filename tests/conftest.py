@@ -50,7 +50,7 @@ CONFIG = petsc4py.get_config()
 PETSC_FOLDERS = [Path(CONFIG["PETSC_DIR"], CONFIG["PETSC_ARCH"]), Path(CONFIG["PETSC_DIR"])]
 # a PETSc with its own checks can also list what a program has allocated and not freed
 MALLOC_DUMP = "PETSC_USE_DEBUG 1" in (PETSC_FOLDERS[0] / "include" / "petscconf.h").read_text()
-LEAK = re.compile(r"^\[\d+\]Total space allocated .*", re.MULTILINE)
+LEAK = re.compile(r"^\[ *\d+\] ?(Total space allocated )?\d+ bytes", re.MULTILINE)
 # what PETSc does when it begins or ends, or once for all
 OF_A_PROCESS = ("-help", "-log", "-options_left", "-malloc", "-memory", "-citations", "-info", "-version")
 # where each process is judged by what it leaves behind, programs of tests have processes of their own
@@ -73,9 +73,11 @@ def environment(LD_PRELOAD="", **changes):
 def run(command, timeout=120, check=True, cwd=None, env=None, leaks=True):
     """Run a program with its own process group, and leave nothing behind when it hangs.
 
-    Without `leaks` it goes on after errors, and what functions leave that return one is no loss to valgrind.
+    Without `leaks` it goes on after errors, and what functions leave that return one is no loss.
     Returns a subprocess.CompletedProcess with text in stdout and stderr.
     """
+    if not leaks:
+        env = {"PETSC_OPTIONS": "", **(env or {})}  # no list of it
     process = begin(command, cwd, env, subprocess.PIPE, subprocess.PIPE)
     try:
         out, err = process.communicate(timeout=timeout * PATIENCE)
@@ -156,9 +158,10 @@ def mpirun(tmp_path, ranks_for):
 
     The program is a Python file, a Python source (any text with a line break), or an executable. Python that is to
     succeed runs on ranks that are there already, unless it is to be `alone`, or something of the process is changed.
+    Without `leaks` it may leave memory, as what returns an error does.
     """
 
-    def launch(ranks, program, *args, alone=APART, **how):
+    def launch(ranks, program, *args, alone=APART, leaks=True, **how):
         program = str(program)
         if "\n" in program:
             script = tmp_path / f"script{len(list(tmp_path.glob('script*.py')))}.py"
@@ -171,7 +174,7 @@ def mpirun(tmp_path, ranks_for):
                 pytest.fail(f"{program}: exit code {done['code']}\n{done['out']}\n{done['err']}")
             return subprocess.CompletedProcess([program, *map(str, args)], 0, done["out"], done["err"])
         command, how["env"] = on_ranks(ranks, program, *args, env=how.get("env", {}))
-        return run(command, **how)
+        return run(command, leaks=leaks, **how)
 
     return launch
 

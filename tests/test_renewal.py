@@ -87,7 +87,7 @@ for value in (np.nan, np.inf, 2.0):
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_new_values_are_looked_at(mpirun, ranks):
     """An entry that is not a number, infinite, or not that of its exchange: the error of a first set-up."""
-    printed = mpirun(ranks, WRONG, Path(__file__).parent, BLOCKS[ranks]).stdout.split()
+    printed = mpirun(ranks, WRONG, Path(__file__).parent, BLOCKS[ranks], leaks=False).stdout.split()
     assert printed == ["finite", "finite", "symmetric"]
 
 

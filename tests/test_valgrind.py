@@ -1,5 +1,9 @@
-"""Which of valgrind's reports count: `make test VALGRIND=1` would be clean, too, if none did."""
+"""Which of valgrind's reports count, and PETSc's lists of memory: runs of tests would be clean, too, if none did."""
 
+import sys
+
+import pytest
+from conftest import MALLOC_DUMP, run
 from valgrind_reports import reports, reports_in
 
 LOG = """\
@@ -37,3 +41,11 @@ def test_reports_on_our_code_count(tmp_path):
     assert reports(log, end, leaks=True)[0] == found
     assert reports(log, end)[0] == found[:1]
     assert len(reports_in(tmp_path, leaks=True)) == 4
+
+
+@pytest.mark.skipif(not MALLOC_DUMP, reason="for a PETSc with its own checks (make test PETSC=debug)")
+def test_memory_that_is_left_counts():
+    leave = "import petsc4py; petsc4py.init(['']); from petsc4py import PETSc; PETSc.Vec().createSeq(3).incRef()"
+    with pytest.raises(pytest.fail.Exception, match="memory left"):
+        run([sys.executable, "-c", leave])
+    run([sys.executable, "-c", leave], leaks=False)
