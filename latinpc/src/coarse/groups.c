@@ -302,7 +302,7 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
 /*
    coarse->tree: is the coarse matrix factored by the multifrontal solver of coarse/tree.h? Yes if it is dense, as of few subdomains, to
    factor it once, not on each rank; and if the predicted time is not much longer than that of MUMPS, to save memory. Not
-   if options choose the solver. Collective on sub->object
+   if options choose the solver, or without the factorisation of a rank's part. Collective on sub->object
 */
 static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
 {
@@ -311,11 +311,13 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   PetscReal            entries = 0.0;
   PetscInt            *number, n = top->offset[top->n];
   PetscMPIInt          size;
+  PetscBool            ours;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(MatSolverTypeGet(LATIN_CHOLESKY, MATSEQAIJ, MAT_FACTOR_CHOLESKY, NULL, &ours, NULL));
   coarse->tree = PETSC_FALSE;
-  if (size == 1 || coarse->chosen || coarse->iterative || !coarse->top_size) PetscFunctionReturn(0);
+  if (!ours || size == 1 || coarse->chosen || coarse->iterative || !coarse->top_size) PetscFunctionReturn(0);
   for (PetscInt s = 0; s < top->n; s++) entries += PetscSqr((PetscReal)(top->offset[s + 1] - top->offset[s]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &entries, 1, MPIU_REAL, MPIU_SUM, comm));
   coarse->tree = (PetscBool)(entries >= PetscSqr((PetscReal)coarse->top_size));
