@@ -15,6 +15,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
 from .limit import bearing, borne, moving, softest
+from .loose import loose
 from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
@@ -224,14 +225,15 @@ def _gathered(structure, snes, core, u, part, factor, ends):
         history=past,
         notices=[*structure.notices, *overstretched(structure), *causes(snes, structure, past), *idle(snes)],
     )
-    loose = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
-    report = report_of(structure, snes, statistics, past, loose) | {
+    slack = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
+    report = report_of(structure, snes, statistics, past, slack) | {
         "cost": solvers.cost(core) if core is not None else None,
         "residual_norm": r.norm(),
         "largest_unbalance": unbalance.max(initial=0.0),
         "unbalanced_node": int(unbalance.argmax()),
     }
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
+    result.notices += loose(result)
     result.notices += turned(result) or changed(result)
     result.notices += limit(structure, result.report, [] if mode is None else moving(mode), kind)
     r.destroy()

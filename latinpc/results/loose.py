@@ -1,0 +1,74 @@
+"""Nodes whose displacements a solve does not determine, as the links there are slack or yield."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from latinpc.laws import RIGID, Law
+
+from .mechanics import elongations, tensions_at
+
+if TYPE_CHECKING:
+    from .result import Result
+
+__all__ = ["loose"]
+
+MARGIN = 1e-2  # of the largest displacement: who may move less is held
+NAMED = 5
+SINGULAR = (
+    1e-12  # least eigenvalue of a sum of n n^t of unit vectors: two links at less than a millionth of a radian are one
+)
+
+
+def loose(result: Result) -> list[str]:
+    """Return a sentence on nodes that can move by themselves without a change of any tension; not collective.
+
+    A link holds a node if its tension changes within `MARGIN` of its elongation. So only nodes are named that nothing
+    holds in some direction; of nodes that move together none is.
+    """
+    structure = result.structure
+    if structure.geometry != "linear" or not result.converged or structure.law.max(initial=0) == Law.BAR:
+        return []
+    margin = MARGIN * np.abs(result.displacements).max(initial=0.0)
+    elongation = elongations(structure, result.displacements)
+    holds = _holds(structure, elongation, margin)
+    nodes = np.unique(structure.links[~holds])
+    nodes = nodes[~structure.fixed[nodes].all(axis=1)]
+    free = nodes[_free(structure, holds, nodes)]
+    if not margin or not len(free):
+        return []
+    named = structure.node_names(free[:NAMED], len(free) > NAMED)
+    return [
+        f"links that are slack or yield leave nodes {named} free in some direction: their displacements are one"
+        " solution of many, with the same tensions"
+    ]
+
+
+def _holds(structure, elongation, margin):
+    """Return of each link whether its tension changes within a margin of its elongation (m)."""
+    law, strain = structure.law, elongation + structure.initial_elongation
+    holds = tensions_at(structure, elongation + margin) != tensions_at(structure, elongation - margin)
+    rigid = np.isin(law, RIGID)
+    reached = np.where(law == Law.INEXTENSIBLE, strain, -strain) >= -margin
+    return np.where(rigid, reached | np.isin(law, (Law.FRICTION, Law.TANGENT)), holds)
+
+
+def _free(structure, holds, nodes):
+    """Return of nodes whether the links that hold leave a direction of their free components in which they can move."""
+    dim = structure.nodes.shape[1]
+    place = np.full(len(structure.nodes), -1)
+    place[nodes] = np.arange(len(nodes))
+    held = np.zeros((len(nodes), dim, dim))
+    for end in structure.links[holds].T:
+        here, at = place[end] >= 0, place[end]
+        normal = structure.directions[holds][here]
+        for i in range(dim):
+            for j in range(dim):
+                held[:, i, j] += np.bincount(at[here], normal[:, i] * normal[:, j], len(nodes))
+    fixed = structure.fixed[nodes]
+    held[fixed] = 0.0
+    held.swapaxes(1, 2)[fixed] = 0.0
+    held[:, range(dim), range(dim)] += fixed
+    return np.linalg.eigvalsh(held)[:, 0] < SINGULAR if len(nodes) else np.zeros(0, bool)

@@ -1,0 +1,91 @@
+"""Nodes whose displacements are not unique, as slack or yielding links alone hold them in some direction."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.results import mechanics
+from latinpc.scenes import Law
+
+SAID = re.compile(r"links that are slack or yield leave nodes (\d+(?:, \d+)*)\D* free in some direction")
+
+
+def line(laws, stiffness, e0, load):
+    """Four nodes in line, both ends fixed, and three links between them."""
+    return latinpc.Structure(
+        [[0.0], [1.0], [2.0], [3.0]], [[0, 1], [1, 2], [2, 3]], laws, stiffness, initial_elongation=e0,
+        fixed=[[1], [0], [0], [1]], load=[[0.0], [load], [1e-3], [0.0]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def named(result):
+    found = [SAID.match(text) for text in result.notices]
+    return [int(node) for match in found if match for node in match[1].split(", ")]
+
+
+@pytest.mark.parametrize(("laws", "e0"), [
+    ([Law.CABLE, Law.CABLE, Law.BAR], [-0.5, -0.5, 0.0]),
+    ([Law.CONTACT, Law.CABLE, Law.BAR], [0.5, -0.5, 0.0]),
+    ([Law.INEXTENSIBLE, Law.COMPRESSION_ONLY, Law.BAR], [-0.5, 0.5, 0.0]),
+])  # fmt: skip
+def test_a_node_between_slack_links_is_named(laws, e0):
+    stiffness = [0.0 if law in (Law.CONTACT, Law.INEXTENSIBLE) else 10.0 for law in laws]
+    found = line(laws, stiffness, e0, 0.0).solve()
+    assert found.converged and named(found) == [1]
+    assert found.tensions == pytest.approx([0.0, 0.0, -1e-3], abs=1e-8)
+
+
+def test_a_node_that_a_taut_link_or_a_load_holds_is_not_named():
+    assert not named(line([Law.CABLE, Law.CABLE, Law.BAR], 10.0, [-0.5, -0.5, 0.0], 6.0).solve())
+    assert not named(line([Law.BAR, Law.CABLE, Law.BAR], 10.0, [0.0, -0.5, 0.0], 0.0).solve())
+
+
+def test_a_node_between_the_flat_parts_of_tables_is_named():
+    flat = latinpc.register_table([-2.0, -1.0, 1.0, 2.0], [-10.0, 0.0, 0.0, 10.0])
+    assert named(line([flat, flat, Law.BAR], [0.0, 0.0, 10.0], 0.0, 0.0).solve()) == [1]
+
+
+def random_net(rng):
+    """Points in a plane, each joined to some others by links that are slack half of the time."""
+    nodes = rng.uniform(0.0, 1.0, (9, 2))
+    links = np.array([(i, j) for i in range(9) for j in range(i) if j >= i - 2 or rng.random() < 0.3])
+    law = rng.choice([Law.CABLE, Law.CABLE, Law.COMPRESSION_ONLY, Law.BAR], len(links), p=[0.3, 0.3, 0.3, 0.1])
+    fixed = np.zeros((9, 2), bool)
+    fixed[:4] = True
+    load = np.zeros((9, 2))
+    load[4] = rng.normal(size=2)
+    return latinpc.Structure(
+        nodes, links, law, rng.uniform(1.0, 10.0, len(links)), rng.uniform(-0.1, 0.1, len(links)), fixed=fixed,
+        load=load, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def test_nodes_that_are_named_move_without_a_change_of_tension():
+    """Each has a direction in which it moves, a little, and no tension changes."""
+    rng, seen = np.random.default_rng(3), 0
+    angles = np.linspace(0.0, np.pi, 1801)
+    for _ in range(60):
+        structure = random_net(rng)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                found = structure.solve(error=1e-8)
+            except latinpc.LatinError:  # a mechanism with all links taut
+                continue
+        if not found.converged:
+            continue
+        for node in named(found):
+            step = 1e-3 * np.abs(found.displacements).max()
+            changes = []
+            for angle in angles:
+                moved = found.displacements.copy()
+                moved[node] += step * np.array([np.cos(angle), np.sin(angle)])
+                change = mechanics.tensions(structure, moved) - mechanics.tensions(structure, found.displacements)
+                changes.append(np.abs(change).max())
+            assert min(changes) <= 10.0 * step * 4e-3  # the direction is between two angles
+            seen += 1
+    assert seen > 20
