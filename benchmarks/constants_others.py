@@ -28,7 +28,9 @@ OTHERS = {
     "LATIN_UNBALANCE_ROUNDING": (
         "of the loads",
         "Two of 3,000 structures with rigid links or friction move millions of times farther than they are large, and "
-        "are wrong and called right without.",
+        "are wrong and called right without. 10 in single precision: of 17,000 structures some 300 lie between 1 and"
+        " 10, none wrong; without a bound 8 of 9,900 are wrong, from 90 on. 1e-2 refuses grids of 8 modules a side and"
+        " more, which are right to 1e-6.",
     ),
     "LATIN_STEP_ERROR": (
         "times the indicator",

@@ -283,7 +283,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);
   found->missed = missed;
-  PetscCall(PetscInfo(structure, "Unbalance %g of the loads; gaps missed by %g of the displacements\n", (double)found->unbalance, (double)missed));
+  PetscCall(PetscInfo(structure, "Unbalance %g of the loads, rounded by at most %g; gaps missed by %g of the displacements\n", (double)found->unbalance, (double)found->rounding, (double)missed));
 
   /* the work of the tensions is r.u minus that of the loads */
   works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);

@@ -88,7 +88,7 @@ typedef struct {
   PetscReal    blur;               /* relative error of the displacements by rounded directions of tensions */
   PetscReal    unbalance;          /* beyond rounding, l2 norm, relative to the loads, or if there are none, to the tensions */
   PetscReal    left;               /* the same as a force */
-  PetscReal    rounding;           /* rounding of the unbalance, relative to the loads */
+  PetscReal    rounding;           /* upper bound of the rounding of the unbalance, relative to the loads */
   PetscReal    forces;             /* unbalance with rounding, relative to the forces of links and loads at nodes: relative error of the tensions */
   PetscReal    missed;             /* error by missed gaps of rigid links and by unheld nodes, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* the unbalance is all rounding */

@@ -248,7 +248,7 @@ static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
   return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
-#define LATIN_UNBALANCE_ROUNDING 1e-2 /* largest rounding of the unbalance, relative to the loads */
+#define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */
 
 /* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING */
 static inline PetscBool SNESLatinUnbalanceRounded(SNES snes)
