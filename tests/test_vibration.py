@@ -2,6 +2,7 @@
 
 import json
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -351,6 +352,13 @@ def test_without_slepc_the_error_says_what_to_install(monkeypatch):
     """In Python."""
     monkeypatch.setitem(sys.modules, "slepc4py", None)
     with pytest.raises(ImportError, match="apt install python3-slepc4py libslepc-real-dev"):
+        latinpc.modes(latinpc.Structure(**string()))
+
+
+def test_slepc_of_another_petsc_is_not_loaded(monkeypatch):
+    """It can end the process: two libraries of PETSc in one."""
+    monkeypatch.setitem(sys.modules, "slepc4py", types.SimpleNamespace(__version__="2.3.1"))
+    with pytest.raises(ImportError, match=r"apt install python3-slepc4py .*\(slepc4py 2\.3\.1 is there, PETSc is 3\."):
         latinpc.modes(latinpc.Structure(**string()))
 
 

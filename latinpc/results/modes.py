@@ -248,8 +248,13 @@ def modes(
 
 
 def _slepc():
-    """Return SLEPc, or say what to install."""
+    """Return SLEPc, or say what to install. That of another PETSc is not loaded: two of these in one process crash."""
     try:
+        import slepc4py
+
+        ours = ".".join(map(str, PETSc.Sys.getVersion()[:2]))
+        if slepc4py.__version__.split(".")[:2] != ours.split("."):
+            raise ImportError(f"slepc4py {slepc4py.__version__} is there, PETSc is {ours}")
         from slepc4py import SLEPc
     except ImportError as error:
         raise ImportError(f"{INSTALL} ({error})") from error
