@@ -418,7 +418,7 @@ BAD = [
     (
         "[case.settlements.left]",
         '[case.settlements.feet]\nwhere = "y=min"\ndisplacement = [0.01, 0.0]\n[case.settlements.left]',
-        ["[case.settlements.left]: displacement: a node has another one of a group above"],
+        ["[case.settlements.left]: displacement: a group above gives one of its nodes another value"],
     ),
     ("expansion = 1e-5", "", ["'summer': [case.elongations.bars]", "go together"]),
     ("shortening = 0.5", "", ["'tight': [case.elongations.cable]", "give temperature"]),

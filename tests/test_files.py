@@ -222,7 +222,7 @@ BAD = [
     (
         "[loads.top]",
         "[velocities.top]\nvelocity = [1.0, 0.0]\n[velocities.all]\nvelocity = [0.0, 1.0]\n[loads.top]",
-        ["[velocities.all]: velocity: a node has another one of a group above"],
+        ["[velocities.all]: velocity: a group above gives one of its nodes another value"],
     ),
     (CABLE, 'law = "friction"\ncoefficient = 0.1\nnormal = [0, 0]', ["normal has no length"]),
     (CABLE, 'law = "table"', ["table must be a list", "pairs"]),

@@ -1,4 +1,4 @@
-"""Which of valgrind's reports count, and PETSc's lists of memory: runs of tests would be clean, too, if none did."""
+"""Reports of valgrind and lists of memory of PETSc that must fail a test: otherwise every run would look clean."""
 
 import sys
 

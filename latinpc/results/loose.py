@@ -17,16 +17,14 @@ __all__ = ["loose"]
 
 MARGIN = 1e-2  # of the largest displacement: who may move less is held
 NAMED = 5
-SINGULAR = (
-    1e-12  # least eigenvalue of a sum of n n^t of unit vectors: two links at less than a millionth of a radian are one
-)
+SINGULAR = 1e-12  # least eigenvalue of the sum of n n^t: links at less than a millionth of a radian count as one
 
 
 def loose(result: Result) -> list[str]:
     """Return a sentence on nodes that can move by themselves without a change of any tension; not collective.
 
-    A link holds a node if its tension changes within `MARGIN` of its elongation. So only nodes are named that nothing
-    holds in some direction; of nodes that move together none is.
+    A link holds a node if its tension changes within `MARGIN` of its elongation. A node is named if no link holds it in
+    some direction while all others stay where they are; nodes that can move only together are not found.
     """
     structure = result.structure
     if structure.geometry != "linear" or not result.converged or structure.law.max(initial=0) == Law.BAR:
