@@ -135,9 +135,7 @@ def lines_of(group, entries, line_groups, where):
 def assign(values, taken, chosen, value, where):
     """Give the rows of chosen nodes a value, in place; refuse another one than that of a group before."""
     if (taken[chosen] & (values[chosen] != value).any(axis=1)).any():
-        raise ValueError(
-            f"{where}: a group above gives one of its nodes another value; give each node one value"
-        )
+        raise ValueError(f"{where}: a group above gives one of its nodes another value; give each node one value")
     values[chosen], taken[chosen] = value, True
 
 
