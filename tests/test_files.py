@@ -125,7 +125,7 @@ def test_a_pair_gives_the_scene(pair):
 
 @pytest.mark.parametrize(
     ("entry", "initial_elongation"),
-    [("initial_elongation = 0.25", 0.25), ("strain = 0.1", 0.3), ("prestress = -7.0", -1.0)],
+    [("initial_elongation = 0.25", 0.25), ("strain = 0.1", 0.3), ("prestress = 7.0", 1.0)],
 )
 def test_initial_elongation_in_three_ways(pair, entry, initial_elongation):
     scene = latinpc.read(pair(old="prestress = 14.0", new=entry))
@@ -216,6 +216,8 @@ BAD = [
     (CABLE, 'law = "inextensible"\nEA = 3.0', ["laws.cable", "inextensible takes no EA"]),
     (CABLE, 'law = "inextensible"\ngap = 3.0', ["gap is of no use", "contact and friction"]),
     (CABLE, 'law = "contact"\nprestress = 3.0', ["takes no prestress"]),
+    (CABLE, 'law = "cable"\nEA = 1e6\nprestress = -3.0', ["cable bears no prestress of -3 N", "initial_elongation"]),
+    (CABLE, 'law = "compression_only"\nEA = 1e6\nprestress = 3.0', ["compression_only bears no prestress"]),
     (CABLE, 'law = "contact"\ncoefficient = 0.3', ["coefficient is of no use to the law contact"]),
     (CABLE, 'law = "friction"', ["coefficient must be a finite number"]),
     (CABLE, 'law = "friction"\ncoefficient = -1', ["coefficient must not be negative"]),

@@ -126,5 +126,10 @@ def _initial_elongation(entries, length, stiffness, where):
     if key == "prestress":
         if entries["law"] not in ("bar", "cable", "compression_only"):
             raise ValueError(f"{where}: the law {entries['law']} takes no prestress; give initial_elongation (m)")
+        if value * {"bar": 0, "cable": -1, "compression_only": 1}[entries["law"]] > 0:
+            raise ValueError(
+                f"{where}: the law {entries['law']} bears no prestress of {value:g} N;"
+                " give initial_elongation (m) for a link that is slack as drawn"
+            )
         return value / stiffness
     return value * length if key == "strain" else value + 0 * length
