@@ -1,7 +1,7 @@
 """Shock dynamics: iterations and time a step of SNES latin, beside Newton's method with CHOLMOD in the same run.
 
 python benchmarks/dynamics.py [--modules 48] [--steps 1000] [--step 1e-4,2e-4,...] [--every 20] [--stop 5e-5]
-    prints the table of benchmarks/README.md, and writes benchmarks/results/dynamics-<modules>.json
+    prints the table of benchmarks/motions.md, and writes benchmarks/results/dynamics-<modules>.json
 
 A tensegrity grid in its self-stress is hit in the middle by 200 kg at 5 m/s, through an elastic contact, as Newton's
 method needs a stiffness. SNES latin makes all steps, each from the state of the last two. At every so many steps

@@ -1,4 +1,4 @@
-"""Draw what benchmarks/run.py measured: benchmarks/figures/*.png, and the tables of benchmarks/README.md."""
+"""Draw what benchmarks/run.py measured: benchmarks/figures/*.png, and the tables of benchmarks/*.md."""
 
 import json
 import re
@@ -122,12 +122,12 @@ def cheapest(document):
 
 
 def main():
-    readme = HERE / "README.md"
-    text = readme.read_text(encoding="utf-8")
+    pages = {page: page.read_text(encoding="utf-8") for page in sorted(HERE.glob("*.md"))}
     (HERE / "figures").mkdir(exist_ok=True)
     for file in sorted((HERE / "results").glob("*.json")):
         name, document = file.stem, json.loads(file.read_text())
-        if f"<!-- {name} -->" not in text:  # its script writes a page of its own
+        page = next((page for page, text in pages.items() if f"<!-- {name} -->" in text), None)
+        if page is None:  # its script writes a page of its own
             continue
         if name.startswith("compare"):
             bars(document, HERE / "figures" / f"{name}.png")
@@ -138,8 +138,10 @@ def main():
         if name == "effectivity":
             distributions(document, HERE / "figures" / f"{name}.png")
         block = f"<!-- {name} -->\n{tabulate(name, document)}\n<!-- end -->"
-        text = re.sub(rf"<!-- {name} -->\n.*?<!-- end -->", lambda _, block=block: block, text, flags=re.DOTALL)
-    readme.write_text(text, encoding="utf-8")
+        pattern = rf"<!-- {name} -->\n.*?<!-- end -->"
+        pages[page] = re.sub(pattern, lambda _, block=block: block, pages[page], flags=re.DOTALL)
+    for page, text in pages.items():
+        page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

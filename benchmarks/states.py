@@ -2,7 +2,7 @@
 
 Run:  python benchmarks/states.py [MODULES ...]        (on several ranks: mpirun -n 2 ...)
 
-Prints the rows of the table in benchmarks/README.md: medians of nine writes and of nine reads, in turn. A write ends
+Prints the rows of the table in benchmarks/motions.md: medians of nine writes and of nine reads, in turn. A write ends
 when the disk has the bytes.
 """
 
