@@ -103,29 +103,29 @@ class Balance:
     """B and B^t of a structure as index sums, and what is solved with them by conjugate gradients."""
 
     def __init__(self, direction, links, fixed):
-        self.direction, self.links, self.free = direction, links, ~fixed
+        self.along = np.ascontiguousarray(direction.T)  # one row a component: numpy is twice as fast as by columns
+        self.start, self.end = np.ascontiguousarray(links.T)
+        self.free = ~fixed
 
     def elongations(self, u):
         """e = B U."""
-        return np.sum(self.direction * (u[self.links[:, 1]] - u[self.links[:, 0]]), axis=1)
+        return sum(along * (values[self.end] - values[self.start]) for along, values in zip(self.along, u.T))
 
     def forces(self, tension):
         """F = B^t tau on the free dofs, zero elsewhere."""
-        n, pull = len(self.free), tension[:, None] * self.direction
-        columns = [
-            np.bincount(self.links[:, 1], pull[:, c], n) - np.bincount(self.links[:, 0], pull[:, c], n)
-            for c in range(pull.shape[1])
+        n = len(self.free)
+        rows = [
+            np.bincount(self.end, tension * along, n) - np.bincount(self.start, tension * along, n)
+            for along in self.along
         ]
-        return np.where(self.free, np.column_stack(columns), 0.0)
+        return np.where(self.free, np.array(rows).T, 0.0)
 
-    def displacements(self, force, stiffness, rtol=1e-14, max_it=20000):
+    def displacements(self, force, stiffness, rtol=1e-8, max_it=20000):
         """Solve B^t k B U = F; preconditioned by the diagonal."""
-        n, square = len(self.free), stiffness[:, None] * self.direction**2
-        diagonal = np.column_stack(
-            [np.bincount(self.links.ravel(), np.repeat(square[:, c], 2), n) for c in range(square.shape[1])]
-        )
+        n, square = len(self.free), stiffness * self.along**2
+        diagonal = np.array([np.bincount(self.start, s, n) + np.bincount(self.end, s, n) for s in square]).T
         inverse = np.where(self.free & (diagonal > 0.0), 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
-        u, r = np.zeros_like(force), force.copy()
+        u, r = np.zeros_like(force, order="F"), force.copy(order="F")
         p = z = inverse * r
         rho = start = np.sum(r * z)
         for _ in range(max_it):
@@ -140,7 +140,7 @@ class Balance:
         return u
 
     def self_stress(self, wanted):
-        """Project tensions on the kernel of B^t; the second pass removes the rounding of the first."""
+        """Project tensions on the kernel of B^t; the second pass removes what the first has left."""
         ones = np.ones(len(wanted))
         for _ in range(2):
             wanted = wanted - self.elongations(self.displacements(self.forces(wanted), ones))
@@ -148,7 +148,7 @@ class Balance:
 
     def load_for_slack(self, force, stiffness, tension, is_cable, slack):
         """Return the factor of `force` at which that share of the cables would slacken in the linear structure."""
-        change = stiffness * self.elongations(self.displacements(force, stiffness, rtol=1e-12))
+        change = stiffness * self.elongations(self.displacements(force, stiffness))
         slackening = np.where(change < 0.0, tension / np.where(change < 0.0, -change, 1.0), np.inf)[is_cable]
         found = np.quantile(slackening, slack, method="lower")
         if not np.isfinite(found):
