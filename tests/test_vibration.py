@@ -384,7 +384,7 @@ def test_command(tmp_path):
     assert "frequency" in ended.stdout and "slack" in ended.stdout and not ended.stderr
     report = json.loads((tmp_path / "m.json").read_text())
     assert len(report["frequencies"]) == 4 and report["frequencies"] == sorted(report["frequencies"])
-    assert f"{report['frequencies'][0]:.5g} Hz" in ended.stdout
+    assert f"{report['frequencies'][0]:#.5g} Hz" in ended.stdout
     mesh = meshio.read(tmp_path / "m.vtu")
     assert np.linalg.norm(mesh.point_data["mode_4"], axis=1).max() == pytest.approx(1.0)
     assert Image.open(tmp_path / "m.png").size[0] > 1000

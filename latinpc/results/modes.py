@@ -92,7 +92,9 @@ class Modes:
         if self.mechanisms[mode]:
             return "0 Hz, mechanism"
         frequency = self.frequencies[mode]
-        return f"{frequency:.5g} Hz" if frequency > 0.0 else f"unstable, rate {-2.0 * np.pi * frequency:.3g} 1/s"
+        if frequency <= 0.0:
+            return f"unstable, rate {-2.0 * np.pi * frequency:.3g} 1/s"
+        return f"{frequency:#.5g}".rstrip(".") + " Hz"
 
     def plot(self, count: int | None = None) -> Any:
         """Draw the modes, at most nine, beside each other.
