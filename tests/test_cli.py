@@ -336,3 +336,10 @@ def test_options_of_petsc_are_no_misspelt_ones_of_ours():
     listed = latinpc("solve", TOWER, "-help", "-pc_type", "latin", "--any-option").stdout
     names = re.findall(r"^ +-(\w+):? ", listed, re.MULTILINE)
     assert len(names) > 200 and not unknown_options(names)
+
+
+def test_ranks_print_whole_lines_without_escapes():
+    """Open MPI gives ranks a terminal of its own: what they print into a file is that of one process into a pipe."""
+    printed = latinpc("solve", "mast", ranks=2, alone=True).stdout
+    assert "\033" not in printed and "  accuracy       estimated error" in printed
+    assert [line.split()[0] for line in printed.splitlines()[:3]] == ["mast", "structure", "solve"]

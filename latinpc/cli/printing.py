@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import pathlib
 import sys
 
@@ -16,9 +17,14 @@ from latinpc.results.atomic import atomic
 
 
 def open_console(stderr=False):
-    """Return a console that styles a terminal and leaves a pipe plain, with whole lines."""
+    """Return a console that styles a terminal and leaves a pipe plain, with whole lines.
+
+    Open MPI gives ranks a terminal of its own, also where a file or a pipe gets what they print: plain, too.
+    """
     stream = sys.stderr if stderr else sys.stdout
-    return Console(file=stream, highlight=False, soft_wrap=not stream.isatty())
+    plain = "OMPI_COMM_WORLD_SIZE" in os.environ and "FORCE_COLOR" not in os.environ
+    force = False if plain else None
+    return Console(file=stream, highlight=False, force_terminal=force, soft_wrap=plain or not stream.isatty())
 
 
 def print_lines(console, title, pairs):
