@@ -201,6 +201,7 @@ OTHERS = {
         "With 1e-10 alone 9 of 3,000 random structures are a mechanism to rounding, with 1e-8 none.",
     ),
     "LATIN_COLLAPSE_LENGTH": ("part of the way", "What interior-point methods take as a rule."),
+    "LATIN_COLLAPSE_ROUNDING": ("eps", "The displacements of both ends, in three components, and their differences."),
     "LATIN_COLLAPSE_TENSION": (
         "tensions of bars",
         "Forces of such tensions round to a millionth of the loads; beyond 1e12 no solution has four digits.",
@@ -229,6 +230,14 @@ OTHERS = {
     "LATIN_COLLAPSE_START": (
         "of bars",
         "Five networks and two grids take 14 to 28 steps, with 1 they take 13 to 41, with 100 16 to 24.",
+    ),
+    "LATIN_NEWTON_FULL": (
+        "steps",
+        "Search from the start loses six of 500 random motions. With laws of the user, which yield, 12 lose 20 of 400.",
+    ),
+    "LATIN_SEARCH_TOLERANCE": (
+        "of the first slope",
+        "Links that yield: 1e-3 stalls between kinks, which refuses five more of 2,000 random structures.",
     ),
     "LATIN_NEWTON_SLOW": (
         "steps",

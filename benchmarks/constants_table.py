@@ -269,28 +269,12 @@ TUNING = {
             " there is no equilibrium."
         ),
     ),
-    "LATIN_NEWTON_FULL": Tuning(
-        "steps",
-        "steps before the line search",
-        (*SLACK, *CONTRAST, *UPLIFT, *EXTREMES[:2]),
-        so=(
-            "Between: half saves iterations on a contrast of 1e-8, four times on the suite; other values give "
-            "another solution of one case with rigid links."
-        ),
-    ),
     "LATIN_NEWTON_STAGNANT": Tuning(
         "steps",
         "steps at rest that are believed",
         (*SLACK, *CONTRAST, *UPLIFT, *EXTREMES[:2]),
         values=(1, 2, 40, 160),
         so="A quarter refuses a case that more steps solve; nothing needs more.",
-    ),
-    "LATIN_SEARCH_TOLERANCE": Tuning(
-        "of the first slope",
-        "end of the line search",
-        (*SLACK, *CONTRAST, *UPLIFT, *EXTREMES[:2]),
-        values=(6.25e-05, 0.00025, 0.004, 0.016),
-        so="From 1/16 to 16 times few iterations change: the next step corrects a length.",
     ),
     # the equilibrium check
     "LATIN_FORCE_FACTOR": Tuning(

@@ -147,7 +147,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
-      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is infinite if a contact is not active in a step */
+      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid || structure->law[l] > LATIN_LAW_TANGENT ? tension : 0.0)); /* a gap makes no force, and is infinite if a contact is not active in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
       at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
       if (rigid) at->rigid[c] += (i ? n[c] : -n[c]) * bears;

@@ -52,6 +52,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
   newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
+  newton->own_laws          = (PetscBool)(structure->general && structure->rigid_law < 0 && !structure->ground);
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
@@ -147,12 +148,14 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
 static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscInt changes, PetscBool *rounding, PetscBool *claims)
 {
   LatinEquilibrium found;
+  PetscBool        held;
 
   PetscFunctionBegin;
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
-    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load may hang on slack links alone: not converged */
+    held      = (PetscBool)(found.balanced || (newton->stagnant > LATIN_NEWTON_STAGNANT && newton->error <= LATIN_NEWTON_REST && !found.nodes)); /* rounding changes a link at a kink of its law to and fro */
+    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && held);
+    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || held)); /* a node with a small load may hang on slack links alone: not converged */
   }
   newton->tensions = found.forces;
   if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
@@ -319,7 +322,7 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Fails instead if there is no energy */
+/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays. Fails instead if there is no energy */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -339,7 +342,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
     PetscFunctionReturn(0);
   }
   PetscCall(VecDot(f, step, &before));
-  if (done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
+  if (LatinMultipliersEnergy(newton) && (newton->own_laws || done >= LATIN_NEWTON_FULL)) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* its norm is that of the shortened step */
   PetscCall(SNESLineSearchSetLambda(search, length));

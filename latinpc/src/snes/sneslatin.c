@@ -153,6 +153,7 @@ static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->latin->sub.structure;
   PetscReal     *rigid     = data->latin->linear.rigid_tension, rest;
+  PetscBool      far;
   Vec            zero, r;
 
   PetscFunctionBegin;
@@ -165,7 +166,8 @@ static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
   PetscCall(VecNorm(r, NORM_2, &rest));
   PetscCall(DMRestoreGlobalVector(structure->dm, &r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
-  if (data->residual <= rest) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far));
+  if (data->residual <= rest && !far) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(snes->vec_sol));
   if (rigid) PetscCall(PetscArrayzero(rigid, structure->links_local));
   PetscFunctionReturn(0);
@@ -181,6 +183,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   Vec                 step, r;
 
   PetscFunctionBegin;
+  if (stall) PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on iterates of the iteration is no proof */
   if (stall) PetscCall(LatinEquilibriumNodes_Private(data->latin->sub.structure, snes->vec_rhs, snes->vec_sol, &data->found));
   if (stall && data->found.verdict == LATIN_UNBOUNDED) {
     PetscCall(SNESLatinBalance_Private(snes));

@@ -2,10 +2,10 @@
 
 /* Line search: minimises the energy of a structure along a Newton step, u - t step. */
 
-#define LATIN_SEARCH_MOST      80   /* most trial lengths: every third halves the bracket */
-#define LATIN_SEARCH_GROWS     8.0  /* growth of the length while the energy decreases */
-#define LATIN_SEARCH_FAR       1e12 /* greatest length */
-#define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one; hardly any step depends on it */
+#define LATIN_SEARCH_MOST      80                            /* most trial lengths: every third halves the bracket */
+#define LATIN_SEARCH_GROWS     8.0                           /* growth of the length while the energy decreases */
+#define LATIN_SEARCH_FAR       1e12                          /* greatest length */
+#define LATIN_SEARCH_TOLERANCE LatinByPrecision(1e-10, 1e-4) /* slope at the end, relative to the first one; with 1e-3 steps stall between kinks where links yield */
 
 /* The energy along a step: strains x - t d; slope of loads and springs work + t bend */
 typedef struct {

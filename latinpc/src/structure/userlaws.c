@@ -32,12 +32,14 @@ static PetscReal LatinTableSlope(const LatinTable *table, PetscInt i)
   return (table->t[i + 1] - table->t[i]) / (table->x[i + 1] - table->x[i]);
 }
 
+/* From the strain where the line of the segment is zero: the rounding is relative to the tension, not to the points */
 static PetscReal LatinLawTension_Table(PetscReal k, PetscReal x, void *ctx)
 {
   const LatinTable *table = (const LatinTable *)ctx;
-  const PetscInt    i     = LatinTableFind(table, x, 0.0);
+  const PetscInt    i = LatinTableFind(table, x, 0.0), near = PetscAbsReal(table->t[i + 1]) < PetscAbsReal(table->t[i]) ? i + 1 : i;
+  const PetscReal   slope = LatinTableSlope(table, i);
 
-  return k * (table->t[i] + LatinTableSlope(table, i) * (x - table->x[i]));
+  return k * (slope > 0.0 ? slope * (x - (table->x[near] - table->t[near] / slope)) : table->t[i]);
 }
 
 static PetscReal LatinLawTangent_Table(PetscReal k, PetscReal x, void *ctx)
