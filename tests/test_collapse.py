@@ -341,8 +341,8 @@ def test_a_soft_node_that_creeps_behind_stiffer_ones():
     assert judge(draw(855470730, 7926), {})["verdict"] in ("right", "unsolved")  # as factors are rounded
 
 
-def test_links_that_yield_are_left_to_newtons_method():
-    """A bar that bears a force without resisting: the theorem in use does not hold."""
+def test_links_that_yield_bear_what_they_yield_at():
+    """Bars that bear a force without resisting: loads beyond it are refused, and only these."""
     from latinpc.bench.extremes.rigid import tabulated
 
     for factor, solvable in ((1.0, True), (1e-3, True), (0.0, False)):

@@ -1,26 +1,36 @@
 #include "error/latinerror.h"
 
 /*
-   Do the loads exceed the limit load? Statically admissible tensions balance the loads, B^t tau = F, with the signs that the laws
-   allow: cables only pull. A mechanism is a displacement d that no link resists at any amplitude: B d = 0 at bars, B d <= 0 at
-   cables and inextensible cables, B d >= 0 at links in compression. By the lemma of J. Farkas admissible tensions exist if and only if
-   F.d <= 0 for all mechanisms. A mechanism with F.d > 0 proves that there is no equilibrium: the structure collapses along d.
-   Stiffnesses, gaps and prestress do not matter.
+   Do the loads exceed the limit load? Statically admissible tensions balance the loads, B^t tau = F, between the bounds of the laws:
+   cables only pull, and a link that yields bears no more than its yield tension. On a displacement d they do the work tau.B d = F.d, so that
+   F.d is at most D(d), the sum over links of the elongation times the bound on that side (upper bound theorem of limit analysis). A link
+   without a bound there must not stretch: it resists at any amplitude. By the lemma of J. Farkas admissible tensions exist if and only if
+   F.d <= D(d) for all such d. If F.d > D(d) there is no equilibrium: the structure collapses along d. Without links that yield D = 0, and
+   d is a mechanism. Stiffnesses, gaps and prestress do not matter.
 
-   d minimises |B d|^2 / 2 - F.d over the mechanisms: it is the one nearest to the displacement of the reference structure, whose links
-   are all bars of one stiffness. d = 0 if and only if there is an equilibrium. The interior-point method of S. Mehrotra computes d, with
-   slacks s = -B d > 0 at cables. Its number of steps hardly depends on the size of the structure; a step takes one factorisation of
-   B^t (1 + W) B and two solves. Tensions are regularised [M. P. Friedlander, D. Orban]: this bounds W and includes bars.
+   d minimises |B d|^2 / 2 + D(d) - F.d: it is the one nearest to the displacement of the reference structure, whose links are all bars of
+   one stiffness. d = 0 if and only if there is an equilibrium. The interior-point method of S. Mehrotra computes d, with two unknowns at each
+   bound of a link: the distance y > 0 of its tension from the bound, and the elongation s > 0 that it has there. The number of steps hardly
+   depends on the size of the structure; a step takes one factorisation of B^t (1 + W) B and two solves. Tensions are regularised
+   [M. P. Friedlander, D. Orban]: this bounds W and includes bars.
 
-   By rounding, d stretches the links that resist by some v. An equilibrium has F.d <= |tau| |v|, so that its tensions are at least
-   F.d / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof.
+   By rounding, d stretches the links that resist by some v. An equilibrium has F.d <= D(d) + |tau| |v|, so that its tensions are at least
+   (F.d - D(d)) / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof.
 */
 
 #define LATIN_COLLAPSE_STEPS                60                            /* most steps */
 #define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4) /* initial compliance of a link that resists, relative to the reference structure; at 100 times as much some large networks do not converge */
 #define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0                         /* times that after a failed solve: the operator is singular to rounding */
-#define LATIN_COLLAPSE_START                10.0                          /* initial slacks and tensions, relative to the reference tensions: steps are short with smaller ones */
-#define LATIN_COLLAPSE_LENGTH               0.995                         /* step length, relative to the longest step with slacks and tensions >= 0 */
+#define LATIN_COLLAPSE_START                10.0                          /* initial tensions and elongations at bounds, relative to the reference tensions: steps are short with smaller ones */
+#define LATIN_COLLAPSE_LENGTH               0.995                         /* step length, relative to the longest step with all s and y >= 0 */
+#define LATIN_COLLAPSE_ROUNDING             8.0                           /* times eps, of the largest displacement: rounding of an elongation */
+
+/* A bound on the tension of a link: the lower one, side 0, or the upper one */
+typedef struct {
+  PetscReal bound; /* infinite where the link resists */
+  PetscReal y, s;  /* distance of the tension from it; elongation while the tension is there: one of both vanishes */
+  PetscReal ds, rhs;
+} LatinCollapseSide;
 
 typedef struct {
   LatinStructure structure;
@@ -29,64 +39,47 @@ typedef struct {
   Vec            f, d;           /* loads, scaled to reference tensions of norm 1; displacements */
   Vec            r, dd;          /* unbalance; step of d */
   PetscInt       n;              /* links here */
-  PetscReal      count;          /* unilateral links, on all ranks */
+  PetscReal      count;          /* finite bounds, on all ranks */
   PetscReal      links;          /* all links, on all ranks */
   PetscReal      scale;          /* of the loads */
   PetscReal      regularisation; /* compliance of a link that resists */
   PetscReal      unbalance;      /* relative to the initial one */
   PetscInt       stages;
-  char          *way;     /* [n] LATIN_WAY_ of each link */
-  PetscReal     *x, *dx;  /* [n] elongations, positive if a unilateral link resists; their steps */
-  PetscReal     *s, *ds;  /* [n] slacks of unilateral links */
-  PetscReal     *t, *dt;  /* [n] tensions */
-  PetscReal     *w, *rhs; /* [n] weights of links; work */
+  PetscReal     *x, *dx;        /* [n] elongations, their steps */
+  PetscReal     *t, *dt;        /* [n] tensions */
+  PetscReal     *w, *rhs;       /* [n] weights of links; work */
+  LatinCollapseSide (*side)[2]; /* [n] */
 } LatinCollapse;
 
-static inline PetscBool LatinCollapseUnilateral(const LatinCollapse *c, PetscInt l)
+static inline PetscReal LatinCollapseSign(PetscInt side)
 {
-  return (PetscBool)(c->way[l] == LATIN_WAY_TRACTION || c->way[l] == LATIN_WAY_COMPRESSION);
+  return side ? -1.0 : 1.0;
 }
 
-/* Sets c->way, the sign of the resistance of each link at large elongations. *known is false if a link has tension without stiffness there, as one that yields. Collective */
-static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *known)
+/* The side of a link, NULL if it has no bound there, or if its tension is constant */
+static inline LatinCollapseSide *LatinCollapseAt(const LatinCollapse *c, PetscInt l, PetscInt side)
 {
-  const LatinStructure structure = c->structure;
-  PetscReal            sum[3]    = {0.0, 0.0, 0.0}; /* links with tension but no stiffness, unilateral links, all */
+  return PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
+}
+
+/* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number. Collective */
+static PetscErrorCode LatinCollapseBounds_Private(LatinCollapse *c)
+{
+  PetscReal sum[2] = {0.0, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    PetscBool bears;
+    PetscReal bound[2];
 
-    c->way[l] = LATIN_WAY_NONE;
-    c->way[l] = (char)LatinLinkWay(structure, l, &bears);
-    if (bears) sum[0] += 1.0;
-    if (LatinCollapseUnilateral(c, l)) sum[1] += 1.0;
-    sum[2] += 1.0;
+    LatinLinkBounds(c->structure, l, bound);
+    c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
+    for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
+    for (PetscInt i = 0; i < 2; i++) sum[0] += LatinCollapseAt(c, l, i) ? 1.0 : 0.0;
+    sum[1] += 1.0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  c->count = sum[1];
-  c->links = sum[2];
-  *known   = (PetscBool)(sum[0] == 0.0);
-  PetscFunctionReturn(0);
-}
-
-/* x = elongations B d, positive if a unilateral link resists. Collective */
-static PetscErrorCode LatinCollapseElongations_Private(LatinCollapse *c, Vec d, PetscReal x[])
-{
-  PetscFunctionBegin;
-  PetscCall(LatinStructureElongations_Private(c->structure, NULL, d, x));
-  for (PetscInt l = 0; l < c->n; l++)
-    if (c->way[l] == LATIN_WAY_COMPRESSION) x[l] = -x[l];
-  PetscFunctionReturn(0);
-}
-
-/* r = B^t t; overwrites t. Collective */
-static PetscErrorCode LatinCollapseForces_Private(LatinCollapse *c, PetscReal t[], Vec r)
-{
-  PetscFunctionBegin;
-  for (PetscInt l = 0; l < c->n; l++)
-    if (c->way[l] == LATIN_WAY_COMPRESSION) t[l] = -t[l];
-  PetscCall(LatinStructureForces_Private(c->structure, t, c->d, NULL, r));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  c->count = sum[0];
+  c->links = sum[1];
   PetscFunctionReturn(0);
 }
 
@@ -115,7 +108,7 @@ static PetscErrorCode LatinCollapseOperator_Private(LatinCollapse *c)
   PetscFunctionReturn(0);
 }
 
-/* Initial point: scales the loads f to tensions of norm 1 in the reference structure, and sets slacks and tensions. Collective */
+/* Initial point: scales the loads f, and the bounds with them, to tensions of norm 1 in the reference structure; sets t, s and y. Collective */
 static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *failed)
 {
   PetscScalar work;
@@ -129,37 +122,58 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   if (*failed) PetscFunctionReturn(0);
   c->scale = 1.0 / PetscSqrtReal(PetscRealPart(work));
   PetscCall(VecScale(c->f, c->scale));
-  PetscCall(VecZeroEntries(c->d));
   c->unbalance = 1.0;
-  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseUnilateral(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
+  for (PetscInt l = 0; l < c->n; l++) {
+    LatinCollapseSide *lower, *upper;
+    PetscReal          inside = LATIN_COLLAPSE_START / PetscSqrtReal(c->links);
+
+    for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound *= c->scale;
+    inside  = PetscMin(inside, 0.5 * (c->side[l][1].bound - c->side[l][0].bound));
+    c->t[l] = PetscMin(PetscMax(0.0, c->side[l][0].bound + inside), c->side[l][1].bound - inside);
+    lower   = LatinCollapseAt(c, l, 0);
+    upper   = LatinCollapseAt(c, l, 1);
+    if (lower) lower->y = c->t[l] - lower->bound;
+    if (upper) upper->y = upper->bound - c->t[l];
+    for (PetscInt i = 0; i < 2; i++) c->side[l][i].s = LatinCollapseAt(c, l, i) ? PetscSqr(LATIN_COLLAPSE_START) / (c->links * c->side[l][i].y) : 0.0;
+  }
   PetscFunctionReturn(0);
 }
 
-/* Predictor step, towards complementarity s t = 0; corrector step (`corrects`), towards s t = mean, with the second-order term ds dt of the predictor. Collective */
+/* Predictor step, towards complementarity s y = 0; corrector step (`corrects`), towards s y = mean, with the second-order term ds dy of the predictor. Collective */
 static PetscErrorCode LatinCollapseStep_Private(LatinCollapse *c, PetscBool corrects, PetscReal mean, PetscBool *failed)
 {
   PetscFunctionBegin;
-  /* dt = W (x - wanted / t + dx); W dx is added after the solve */
+  /* dt = W (x - sum of sign rhs / y + dx); W dx is added after the solve */
   for (PetscInt l = 0; l < c->n; l++) {
-    const PetscReal wanted = corrects && LatinCollapseUnilateral(c, l) ? c->ds[l] * c->dt[l] - mean : 0.0;
+    PetscReal x = c->x[l];
 
-    c->rhs[l] = wanted;
-    c->dx[l]  = c->w[l] * (c->x[l] - (wanted != 0.0 ? wanted / c->t[l] : 0.0));
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinCollapseSide *at = LatinCollapseAt(c, l, i);
+
+      if (!at) continue;
+      at->rhs = corrects ? LatinCollapseSign(i) * at->ds * c->dt[l] - mean : 0.0;
+      x -= LatinCollapseSign(i) * at->rhs / at->y;
+    }
+    c->dx[l] = c->w[l] * x;
   }
   PetscCall(PetscArraycpy(c->dt, c->dx, c->n));
   for (PetscInt l = 0; l < c->n; l++) c->dx[l] += c->x[l] + c->t[l];
-  PetscCall(LatinCollapseForces_Private(c, c->dx, c->r));
+  PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, NULL, c->r));
   PetscCall(VecAYPX(c->r, -1.0, c->f));
   PetscCall(LatinCollapseSolve_Private(c, c->r, failed));
-  PetscCall(LatinCollapseElongations_Private(c, c->dd, c->dx));
+  PetscCall(LatinStructureElongations_Private(c->structure, NULL, c->dd, c->dx));
   for (PetscInt l = 0; l < c->n; l++) {
     c->dt[l] += c->w[l] * c->dx[l];
-    if (LatinCollapseUnilateral(c, l)) c->ds[l] = -c->s[l] - (c->rhs[l] + c->s[l] * c->dt[l]) / c->t[l];
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinCollapseSide *at = LatinCollapseAt(c, l, i);
+
+      if (at) at->ds = -at->s - (at->rhs + LatinCollapseSign(i) * at->s * c->dt[l]) / at->y;
+    }
   }
   PetscFunctionReturn(0);
 }
 
-/* Step length: `back` times the longest step that keeps slacks and tensions >= 0, at most 1; mean complementarity product after the step. Collective */
+/* Step length: `back` times the longest step that keeps all s and y >= 0, at most 1; mean complementarity product after the step. Collective */
 static PetscErrorCode LatinCollapseLength_Private(LatinCollapse *c, PetscReal back, PetscReal *length, PetscReal *mean)
 {
   const MPI_Comm comm = PetscObjectComm((PetscObject)c->structure);
@@ -167,28 +181,36 @@ static PetscErrorCode LatinCollapseLength_Private(LatinCollapse *c, PetscReal ba
 
   PetscFunctionBegin;
   *length = 1.0 / back;
-  for (PetscInt l = 0; l < c->n; l++) {
-    if (!LatinCollapseUnilateral(c, l)) continue;
-    if (c->ds[l] < 0.0) *length = PetscMin(*length, -c->s[l] / c->ds[l]);
-    if (c->dt[l] < 0.0) *length = PetscMin(*length, -c->t[l] / c->dt[l]);
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const LatinCollapseSide *at = LatinCollapseAt(c, k / 2, k % 2);
+    const PetscReal          dy = LatinCollapseSign(k % 2) * c->dt[k / 2];
+
+    if (at && at->ds < 0.0) *length = PetscMin(*length, -at->s / at->ds);
+    if (at && dy < 0.0) *length = PetscMin(*length, -at->y / dy);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, comm));
   *length *= back;
-  for (PetscInt l = 0; l < c->n; l++) sum += LatinCollapseUnilateral(c, l) ? (c->s[l] + *length * c->ds[l]) * (c->t[l] + *length * c->dt[l]) : 0.0;
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const LatinCollapseSide *at = LatinCollapseAt(c, k / 2, k % 2);
+
+    if (at) sum += (at->s + *length * at->ds) * (at->y + *length * LatinCollapseSign(k % 2) * c->dt[k / 2]);
+  }
   PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, comm));
   *mean /= c->count;
   PetscFunctionReturn(0);
 }
 
-/* An interior-point step: weights W, predictor, corrector; updates d, t, s, x and the mean complementarity product. Collective */
+/* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
 static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *mean, PetscBool *failed)
 {
   PetscReal length, after;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseUnilateral(c, l) ? c->s[l] / c->t[l] : 0.0) + c->regularisation);
-    c->ds[l] = c->dt[l] = 0.0;
+    PetscReal give = c->regularisation;
+
+    for (PetscInt i = 0; i < 2; i++) give += LatinCollapseAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound ? 0.0 : 1.0 / give; /* a tension that is constant */
   }
   PetscCall(LatinCollapseOperator_Private(c));
   PetscCall(LatinCollapseStep_Private(c, PETSC_FALSE, 0.0, failed));
@@ -200,29 +222,44 @@ static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *
   PetscCall(VecAXPY(c->d, length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] += length * c->dt[l];
-    if (LatinCollapseUnilateral(c, l)) c->s[l] += length * c->ds[l];
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinCollapseSide *at = LatinCollapseAt(c, l, i);
+
+      if (!at) continue;
+      at->s += length * at->ds;
+      at->y += length * LatinCollapseSign(i) * c->dt[l];
+    }
   }
   c->unbalance *= 1.0 - length;
-  PetscCall(LatinCollapseElongations_Private(c, c->d, c->x));
+  PetscCall(LatinStructureElongations_Private(c->structure, NULL, c->d, c->x));
   PetscFunctionReturn(0);
 }
 
-/* *proof: d is a mechanism with F.d > 0; *held: d = 0 to tolerance, there is an equilibrium. Collective */
+/* *proof: the loads do more work on d than the bounds of the tensions allow; *held: d = 0 to tolerance, there is an equilibrium. Collective */
 static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step, PetscBool *proof, PetscBool *held)
 {
-  PetscReal   sum[2] = {0.0, 0.0}; /* squared elongations: those that links resist, all */
+  PetscReal   sum[4] = {0.0, 0.0, 0.0, 0.0}, beyond, most; /* squared elongations: those that links resist, all; work of the tensions at their bounds, what is too little beside it or its rounding */
   PetscScalar push;
 
   PetscFunctionBegin;
+  PetscCall(VecNorm(c->d, NORM_INFINITY, &most));
   for (PetscInt l = 0; l < c->n; l++) {
-    if (c->way[l] == LATIN_WAY_BOTH || (c->x[l] > 0.0 && c->way[l] != LATIN_WAY_NONE)) sum[0] += PetscSqr(c->x[l]);
+    const PetscReal bound = c->side[l][c->x[l] > 0.0].bound;
+
     sum[1] += PetscSqr(c->x[l]);
+    if (PetscIsInfReal(bound)) sum[0] += PetscSqr(c->x[l]);
+    else {
+      sum[2] += bound * c->x[l];
+      sum[3] += PetscAbsReal(bound) * (LATIN_COLLAPSE_HELD * PetscAbsReal(c->x[l]) + LATIN_COLLAPSE_ROUNDING * PETSC_MACHINE_EPSILON * most);
+    }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
+  beyond = PetscRealPart(push) - sum[2];
   *held  = (PetscBool)(c->unbalance <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
-  *proof = LatinCollapseProves(PetscRealPart(push), 0.0, sum[0], sum[1]);
-  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT ": work of the loads %g, tensions at least %g times those of bars\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
+  *proof = (PetscBool)(beyond > sum[3] && LatinCollapseProves(beyond, 0.0, sum[0], sum[1]));
+  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT ": work of the loads %g, of links that yield %g, tensions of others at least %g times those of bars\n", step, (double)PetscRealPart(push), (double)sum[2],
+                      (double)(sum[0] > 0.0 ? beyond / PetscSqrtReal(sum[0]) : INFINITY)));
   PetscFunctionReturn(0);
 }
 
@@ -243,36 +280,36 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscReal bears
     else failed = (PetscBool)((c->regularisation *= LATIN_COLLAPSE_REGULARISATION_GROWS) >= 1.0);
   }
   if (proof) PetscCall(LatinEquilibriumMoved_Private(c->structure, c->d, found));
-  for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = (c->way[l] == LATIN_WAY_COMPRESSION ? -1.0 : 1.0) * c->t[l] / c->scale;
+  for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = c->t[l] / c->scale;
   PetscFunctionReturn(0);
 }
 
 /*
    Sets the verdict LATIN_UNBOUNDED if it proves that there is no equilibrium; else *found is unchanged. `ksp` solves with A, a tangent
    stiffness of LatinTangentCreate_Private(), whose values it overwrites. `more`: an additional load, or NULL. *steps and *stages: number of
-   factorisations and of linear iterations. *held: statically admissible tensions exist; bears: NULL, or [links_local], these tensions.
+   factorisations and of linear iterations. *held: statically admissible tensions exist; bears: NULL, or [links_local], these tensions, of links that do not yield.
    Collective on structure
 */
 PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)
 {
-  LatinCollapse c     = {.structure = structure, .ksp = ksp, .A = A, .n = structure->links_local};
-  PetscBool     known = PETSC_FALSE;
+  LatinCollapse c = {.structure = structure, .ksp = ksp, .A = A, .n = structure->links_local};
 
   PetscFunctionBegin;
   *steps = *stages = 0;
   *held            = PETSC_FALSE;
   if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a time step always has a solution; contacts with friction have no energy, see LatinConesCreate_Private() */
-  PetscCall(PetscMalloc1(c.n, &c.way));
-  PetscCall(PetscCalloc4(c.n, &c.x, c.n, &c.dx, c.n, &c.s, c.n, &c.ds));
-  PetscCall(PetscMalloc4(c.n, &c.t, c.n, &c.dt, c.n, &c.w, c.n, &c.rhs));
-  PetscCall(LatinCollapseWays_Private(&c, &known));
-  if (known && c.count > 0.0) {
+  PetscCall(PetscCalloc7(c.n, &c.x, c.n, &c.dx, c.n, &c.t, c.n, &c.dt, c.n, &c.w, c.n, &c.rhs, c.n, &c.side));
+  PetscCall(LatinCollapseBounds_Private(&c));
+  if (c.count > 0.0) {
     PetscCall(DMGetGlobalVector(structure->dm, &c.f));
     PetscCall(DMGetGlobalVector(structure->dm, &c.d));
     PetscCall(DMGetGlobalVector(structure->dm, &c.r));
     PetscCall(DMGetGlobalVector(structure->dm, &c.dd));
     PetscCall(VecCopy(structure->load, c.f));
     if (more) PetscCall(VecAXPY(c.f, 1.0, more));
+    PetscCall(VecZeroEntries(c.d));
+    PetscCall(LatinStructureForces_Private(structure, c.t, c.d, NULL, c.r));
+    PetscCall(VecAXPY(c.f, -1.0, c.r));
     PetscCall(LatinCollapseRun_Private(&c, bears, steps, held, found));
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.dd));
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.r));
@@ -280,8 +317,6 @@ PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ks
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.f));
   }
   *stages = c.stages;
-  PetscCall(PetscFree4(c.t, c.dt, c.w, c.rhs));
-  PetscCall(PetscFree4(c.x, c.dx, c.s, c.ds));
-  PetscCall(PetscFree(c.way));
+  PetscCall(PetscFree7(c.x, c.dx, c.t, c.dt, c.w, c.rhs, c.side));
   PetscFunctionReturn(0);
 }

@@ -126,20 +126,30 @@ static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal beside, Pe
 /* Links that resist never, in traction, in compression (unilateral), in both (bilateral) */
 enum { LATIN_WAY_NONE, LATIN_WAY_TRACTION, LATIN_WAY_COMPRESSION, LATIN_WAY_BOTH };
 
+/* Tensions between which those of a link stay, whatever its elongation: -infinity and infinity where it resists, else what it yields at */
+static inline void LatinLinkBounds(const LatinStructure structure, PetscInt l, PetscReal bound[2])
+{
+  const LatinLaw *law = &LatinLaws[structure->law[l]];
+
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscReal far = side ? LATIN_FAR : -LATIN_FAR;
+
+    if (law->rigid) bound[side] = far * LatinLawSign(structure->law[l]) > 0.0 ? far * INFINITY : 0.0;
+    else bound[side] = law->tangent(structure->stiffness[l], far, law->ctx) > 0.0 ? far * INFINITY : law->tension(structure->stiffness[l], far, law->ctx);
+  }
+}
+
 /* LATIN_WAY_ in which a link resists large elongations. *bears: it has tension without stiffness there, as one that yields */
 static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, PetscBool *bears)
 {
-  const LatinLaw *law = &LatinLaws[structure->law[l]];
-  PetscInt        way = LATIN_WAY_NONE;
+  PetscInt  way = LATIN_WAY_NONE;
+  PetscReal bound[2];
 
   *bears = PETSC_FALSE;
+  LatinLinkBounds(structure, l, bound);
   for (PetscInt side = 0; side < 2; side++) {
-    const PetscInt  of  = side ? LATIN_WAY_COMPRESSION : LATIN_WAY_TRACTION;
-    const PetscReal far = side ? -LATIN_FAR : LATIN_FAR;
-
-    if (law->rigid) way |= far * LatinLawSign(structure->law[l]) > 0.0 ? of : 0;
-    else if (law->tangent(structure->stiffness[l], far, law->ctx) > 0.0) way |= of;
-    else if (law->tension(structure->stiffness[l], far, law->ctx) != 0.0) *bears = PETSC_TRUE;
+    if (PetscIsInfReal(bound[side])) way |= side ? LATIN_WAY_TRACTION : LATIN_WAY_COMPRESSION;
+    else if (bound[side] != 0.0) *bears = PETSC_TRUE;
   }
   return way;
 }
