@@ -243,7 +243,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
   else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
-  if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
+  if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
   if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinCollapse_Private(snes, next));

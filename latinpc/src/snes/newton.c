@@ -254,8 +254,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
-  PetscBool      confirmed = PETSC_TRUE;                       /* two small steps in a row, if forces of stiff links hide those of soft ones */
+  PetscBool      rounding, claims, slow, unexplained = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
+  PetscBool      confirmed = PETSC_TRUE;                            /* two small steps in a row, if forces of stiff links hide those of soft ones */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -283,14 +283,14 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->stagnant = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
     newton->known = changes ? 0.0 : newton->error;
-    creeps        = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
+    unexplained   = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
     confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees the forces of soft links */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
+  rounding = (PetscBool)(it > 1 && !changes && !unexplained && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* no error reduction with a fixed active set */
-  claims   = (PetscBool)(it && !creeps && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
+  claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->stagnant || newton->stagnant > LATIN_NEWTON_STAGNANT));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;

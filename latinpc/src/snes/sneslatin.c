@@ -96,7 +96,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
   if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
   data->next = LATIN_NEXT_ROUNDING;
-  PetscCall(PetscInfo(snes, "The error asked for, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
+  PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
 }
 
