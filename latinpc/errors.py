@@ -4,6 +4,9 @@ import re
 
 from petsc4py import PETSc
 
+#: Codes of PETSc's, PETSC_ERR_ARG_WRONG and so on, which have no names in petsc4py
+ARG_WRONG, ARG_OUTOFRANGE, ARG_WRONGSTATE, ARG_INCOMP = 62, 63, 73, 75
+
 
 class LatinError(PETSc.Error):
     """An error that the library reports: its text is the sentence, ``trace`` is PETSc's list of C functions."""

@@ -45,7 +45,6 @@ CHANGED = 0.3  # of the tensions as drawn: the most by which geometry prestress 
 HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestress holds a structure beyond it
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
-WRONGSTATE = 73  # PETSC_ERR_ARG_WRONGSTATE
 _DRAWN = {
     "mechanism": "the structure as drawn is a mechanism that no prestress holds: prescribe more displacements or add"
     " links",
@@ -188,7 +187,7 @@ def unlinked_as_value(structure: Structure) -> Iterator[None]:
     try:
         yield
     except PETSc.Error as error:
-        if error.ierr != WRONGSTATE:
+        if error.ierr != errors.ARG_WRONGSTATE:
             raise
         raise ValueError(structure.counted_as_given(errors.error_message(error))) from None
 

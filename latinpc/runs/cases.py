@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from latinpc import solvers
+from latinpc import errors, solvers
 from latinpc.arrays import REAL, native
 from latinpc.errors import LatinError, error_message
 from latinpc.laws import RIGID, UNILATERAL, Law
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 #: Cases of a rank that are solved side by side. Two take as long as one after the other on 48 x 48 modules of the grid,
 #: a third to nine tenths of that on five other structures; one takes up to 1.6 times as long.
 FEWEST = 2
-REFUSALS = (62, 63, 73, 75)  # PETSc: an argument is wrong, out of range, in the wrong state, or does not fit others
+REFUSALS = (errors.ARG_WRONG, errors.ARG_OUTOFRANGE, errors.ARG_WRONGSTATE, errors.ARG_INCOMP)
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
