@@ -160,7 +160,7 @@ coverage: env
 	@find $(BUILD) -name "*.gcda" -delete; rm -f .coverage .coverage.*; mkdir -p build/coverage
 	-$(BIN)/coverage run $(BIN)/pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
 	@$(BIN)/coverage combine -q; $(BIN)/coverage html -q -d build/coverage/python; $(BIN)/coverage report --skip-covered
-	@$(BIN)/gcovr --root . --filter latinpc/src --txt --html-details build/coverage/c.html $(BUILD)
+	@$(BIN)/gcovr --root . --gcov-ignore-parse-errors=suspicious_hits.warn_once_per_file --filter latinpc/src --txt --html-details build/coverage/c.html $(BUILD)
 endif
 
 $(VENV)/.docs: $(VENV)/.tools
