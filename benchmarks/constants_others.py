@@ -384,7 +384,6 @@ OTHERS = {
     ),
     "LATIN_SIZE_LEAST": ("links", "A structure of fewer links stays on one rank."),
     # buffers
-    "LATIN_LANES": ("subdomains", "Eight doubles fill a vector of AVX-512."),
     "LATIN_BATCH_COLUMNS": ("right-hand sides", "64 of 300 rows are 150 kB: they stay in the second cache."),
     "LATIN_GROUP_COLUMNS": ("right-hand sides", "The same for groups."),
     "LATIN_HOMOGENISE_COLUMNS": (

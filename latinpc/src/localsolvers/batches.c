@@ -6,21 +6,6 @@
    memory.
 */
 
-/* Do the links of two equal subdomains have the same laws, and states in the same order? */
-static PetscBool LatinBatchesAlike(const LatinSubdomains *sub, PetscInt a, PetscInt b)
-{
-  PetscInt shift, state;
-
-  if (sub->ki) return PETSC_TRUE; /* a matrix has no links */
-  shift = sub->link_offset[b] - sub->link_offset[a];
-  state = sub->state_first[b] - sub->state_first[a];
-  for (PetscInt l = sub->link_offset[a]; l < sub->link_offset[a + 1]; l++) {
-    if (sub->state[l] < 0 && sub->state[l + shift] < 0) continue;
-    if (sub->state[l] + state != sub->state[l + shift] || sub->law[l] != sub->law[l + shift]) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
 /* Number of members of a batch from m on that are consecutive subdomains, at most LATIN_BATCH_COLUMNS: their data are columns of one array */
 PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
 {
@@ -46,9 +31,8 @@ PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[],
 
     if (pattern[s] == s) {
       PetscCall(PetscMalloc1(count[s], &batch->sub));
-      batch->rows  = sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]);
-      batch->alike = PETSC_TRUE;
-    } else if (batch->alike) batch->alike = LatinBatchesAlike(sub, pattern[s], s);
+      batch->rows = sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]);
+    }
     batch->sub[batch->members++] = s;
   }
   PetscCall(PetscFree2(count, index));

@@ -89,14 +89,12 @@ PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
 PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, PetscBool direct, KSP *);
 
 /* ---- batches of subdomains and their solvers (localsolvers/batches.c) ---- */
-#define LATIN_LANES         8  /* equal subdomains whose links are swept together */
 #define LATIN_BATCH_COLUMNS 64 /* equal subdomains solved together: right-hand sides stay in cache */
 
 /* Subdomains with bitwise equal operators */
 typedef struct {
-  PetscInt  members, *sub; /* subdomains, the first one represents them */
-  PetscInt  rows;          /* of the operator */
-  PetscBool alike;         /* links of all members have the same laws, and states in the same order */
+  PetscInt members, *sub; /* subdomains, the first one represents them */
+  PetscInt rows;          /* of the operator */
 } LatinBatch;
 
 typedef struct {

@@ -49,7 +49,6 @@ typedef struct {
   PetscReal       *unassigned_u;  /* [unassigned_count] displacements under the loads of the dofs in no subdomain */
   PetscReal       *spring;        /* [copies * bs] diagonal search directions, part of K_E */
   PetscReal       *lambda;        /* work: macro forces of one subdomain */
-  PetscReal       *tile;          /* work: displacements and forces of LATIN_LANES equal subdomains, see stages/locallinks.c */
   PetscReal       *work;          /* work: two blocks of vectors on an interface, a column for each subdomain of a run of equal ones */
   PetscReal       *outgoing;      /* [sides] work: values sent to the mates */
   PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL: no link is rigid */

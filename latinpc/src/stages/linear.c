@@ -163,16 +163,14 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
 static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
 {
   const LatinInterfaces *inter = linear->inter;
-  PetscInt               tile = 0, sides = 0;
+  PetscInt               sides = 0;
 
   PetscFunctionBegin;
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const LatinBatch *batch = &linear->batches->batch[b];
 
-    if (batch->members >= LATIN_LANES) tile = PetscMax(tile, batch->rows);
     for (PetscInt f = inter->offset[batch->sub[0]]; f < inter->offset[batch->sub[0] + 1]; f++) sides = PetscMax(sides, PetscMin(batch->members, LATIN_BATCH_COLUMNS) * (inter->interface[f].side_last - inter->interface[f].side_first));
   }
-  PetscCall(PetscMalloc1(2 * LATIN_LANES * tile, &linear->tile));
   PetscCall(PetscMalloc1(2 * sides, &linear->work));
   PetscFunctionReturn(0);
 }
@@ -465,7 +463,6 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscCall(PetscFree(linear->Phi));
   PetscCall(PetscFree(linear->some));
   PetscCall(PetscFree(linear->keeps));
-  PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree(linear->work));
   PetscCall(PetscFree(linear->outgoing));
   PetscCall(PetscFree(linear->unassigned_u));

@@ -2,168 +2,106 @@
 #include "base/vector.h"
 
 /*
-   The two sweeps of an iteration over the links, forces and local stage. Equal subdomains (localsolvers/batches.c) are the lanes of
-   vector instructions: ends, directions and stiffnesses are read once for all of them, displacements and forces are in
-   tiles [dof][lane]. With one lane the tiles are the arrays over copies themselves. dim and lanes are compile-time constants
-   in the callers, so that loops unroll.
+   The two sweeps of an iteration over the links, forces and local stage. Equal subdomains (localsolvers/batches.c) read the ends,
+   directions and stiffnesses of the first of them, which stay in cache. dim is a compile-time constant in the callers, so
+   that loops unroll.
 */
 
-#define LATIN_FOR_LANES(w) _Pragma("omp simd") for (PetscInt w = 0; w < lanes; w++)
-
-/* The links of equal subdomains: common data, and pointers to those of each lane */
+/* The links of a subdomain: data that equal subdomains share, and its own */
 typedef struct {
-  PetscInt         links, rows;
-  const PetscInt  *ends;                             /* [links][2] copies */
-  PetscInt         first;                            /* the first copy */
-  const PetscReal *direction, *stiffness;            /* [links][dim], [links] */
-  const PetscInt  *law, *state;                      /* [links] of the first subdomain */
-  const PetscReal *e0[LATIN_LANES], *z[LATIN_LANES]; /* [links]; states, at state[l] */
-  const PetscReal *U;                                /* tile of displacements */
-} LatinTile;
+  PetscInt         links, first;               /* number of links; the first copy of the subdomain that `ends` refer to */
+  const PetscInt  *ends, *law, *state;         /* [links][2] copies; [links] */
+  const PetscReal *direction, *stiffness, *e0; /* [links][dim], [links], [links] */
+  const PetscReal *U;                          /* displacements of its copies */
+} LatinLinks;
 
-LATIN_INLINE void LatinTileRead(const PetscInt lanes, PetscInt rows, const PetscReal *const from[], PetscReal tile[])
-{
-  for (PetscInt r = 0; r < rows; r++)
-    LATIN_FOR_LANES (w) tile[lanes * r + w] = from[w][r];
-}
-
-LATIN_INLINE void LatinTileWrite(const PetscInt lanes, PetscInt rows, const PetscReal tile[], PetscReal *const to[])
-{
-  for (PetscInt r = 0; r < rows; r++)
-    LATIN_FOR_LANES (w) to[w][r] = tile[lanes * r + w];
-}
-
-LATIN_INLINE LatinTile LatinTileOpen(const LatinLinear *linear, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[])
+LATIN_INLINE LatinLinks LatinLinksOpen(const LatinLinear *linear, const PetscInt dim, PetscInt s)
 {
   const LatinSubdomains *sub = linear->sub;
-  const PetscInt         s = member[0], r = linear->batches->pattern[s];
-  LatinTile              tile;
+  const PetscInt         r = linear->batches->pattern[s], own = sub->link_offset[s], shared = sub->link_offset[r];
 
-  tile.links     = sub->link_offset[r + 1] - sub->link_offset[r];
-  tile.rows      = dim * (sub->node_offset[r + 1] - sub->node_offset[r]);
-  tile.first     = sub->node_offset[r];
-  tile.ends      = sub->ends + 2 * sub->link_offset[r];
-  tile.direction = sub->direction + dim * sub->link_offset[r];
-  tile.stiffness = sub->stiffness + sub->link_offset[r];
-  tile.law       = sub->law + sub->link_offset[s];
-  tile.state     = sub->state + sub->link_offset[s];
-  for (PetscInt w = 0; w < lanes; w++) {
-    tile.e0[w] = sub->e0 + sub->link_offset[member[w]];
-    tile.z[w]  = z + sub->state_first[member[w]] - sub->state_first[s];
-  }
-  if (lanes == 1) tile.U = linear->U + dim * sub->node_offset[s];
-  else {
-    const PetscReal *from[LATIN_LANES];
-
-    for (PetscInt w = 0; w < lanes; w++) from[w] = linear->U + dim * sub->node_offset[member[w]];
-    LatinTileRead(lanes, tile.rows, from, linear->tile);
-    tile.U = linear->tile;
-  }
-  return tile;
+  return (LatinLinks){
+    .links     = sub->link_offset[s + 1] - own,
+    .first     = sub->node_offset[r],
+    .ends      = sub->ends + 2 * shared,
+    .law       = sub->law + own,
+    .state     = sub->state + own,
+    .direction = sub->direction + dim * shared,
+    .stiffness = sub->stiffness + shared,
+    .e0        = sub->e0 + own,
+    .U         = linear->U + dim * sub->node_offset[s],
+  };
 }
 
-/* The elongations of one link, a row of B */
-LATIN_INLINE void LatinTileElongation(const LatinTile *tile, const PetscInt dim, const PetscInt lanes, PetscInt l, PetscReal e[])
+/* The elongation of one link, a row of B */
+LATIN_INLINE PetscReal LatinLinksElongation(const LatinLinks *links, const PetscInt dim, PetscInt l)
 {
-  const PetscReal *n = tile->direction + dim * l, *a = tile->U + dim * lanes * (tile->ends[2 * l] - tile->first), *b = tile->U + dim * lanes * (tile->ends[2 * l + 1] - tile->first);
+  const PetscReal *n = links->direction + dim * l, *a = links->U + dim * (links->ends[2 * l] - links->first), *b = links->U + dim * (links->ends[2 * l + 1] - links->first);
+  PetscReal        e = 0.0;
 
-  LATIN_FOR_LANES (w) e[w] = 0.0;
-  for (PetscInt c = 0; c < dim; c++)
-    LATIN_FOR_LANES (w) e[w] += n[c] * (b[lanes * c + w] - a[lanes * c + w]);
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (b[c] - a[c]);
+  return e;
 }
 
 /* g = F - B^t (s + l e), with the tensions (26) of the links; s = k e0 of links without state */
-LATIN_INLINE void LatinTileForces(const LatinLinear *linear, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[])
+LATIN_INLINE void LatinLinksForces(const LatinLinear *linear, const PetscInt dim, PetscInt s, const PetscReal z[])
 {
-  const LatinTile  tile = LatinTileOpen(linear, dim, lanes, member, z);
-  const PetscReal *load[LATIN_LANES];
-  PetscReal       *to[LATIN_LANES], *g;
+  const LatinLinks links = LatinLinksOpen(linear, dim, s);
+  const PetscInt   first = dim * linear->sub->node_offset[s], last = dim * linear->sub->node_offset[s + 1];
+  PetscReal       *g = linear->g + first;
 
-  for (PetscInt w = 0; w < lanes; w++) {
-    load[w] = linear->load + dim * linear->sub->node_offset[member[w]];
-    to[w]   = linear->g + dim * linear->sub->node_offset[member[w]];
-  }
-  g = lanes == 1 ? to[0] : linear->tile + lanes * tile.rows;
-  LatinTileRead(lanes, tile.rows, load, g);
-  for (PetscInt l = 0; l < tile.links; l++) {
-    const PetscReal k = tile.stiffness[l], *n = tile.direction + dim * l;
-    PetscReal      *a = g + dim * lanes * (tile.ends[2 * l] - tile.first), *b = g + dim * lanes * (tile.ends[2 * l + 1] - tile.first);
-    PetscReal       e[LATIN_LANES], t[LATIN_LANES];
+  for (PetscInt i = first; i < last; i++) linear->g[i] = linear->load[i];
+  for (PetscInt l = 0; l < links.links; l++) {
+    const PetscReal k = links.stiffness[l], *n = links.direction + dim * l, e = LatinLinksElongation(&links, dim, l);
+    const PetscReal t = (links.state[l] >= 0 ? z[links.state[l]] : LatinBarLocal(k, links.e0[l])) + k * e;
+    PetscReal      *a = g + dim * (links.ends[2 * l] - links.first), *b = g + dim * (links.ends[2 * l + 1] - links.first);
 
-    LatinTileElongation(&tile, dim, lanes, l, e);
-    if (tile.state[l] >= 0)
-      LATIN_FOR_LANES (w) t[w] = tile.z[w][tile.state[l]];
-    else
-      LATIN_FOR_LANES (w) t[w] = LatinBarLocal(k, tile.e0[w][l]);
-    LATIN_FOR_LANES (w) t[w] += k * e[w];
     for (PetscInt c = 0; c < dim; c++) {
-      LATIN_FOR_LANES (w) a[lanes * c + w] += t[w] * n[c];
-      LATIN_FOR_LANES (w) b[lanes * c + w] -= t[w] * n[c];
+      a[c] += t * n[c];
+      b[c] -= t * n[c];
     }
   }
-  if (lanes > 1) LatinTileWrite(lanes, tile.rows, g, to);
 }
 
 /*
    The local stage. Adds to sum: the squared distance; the energy of elongations under tension; the same with initial
    elongations. Only bars, cables and compression-only links; for other laws see stages/localcontacts.c.
 */
-LATIN_INLINE void LatinTileStage(const LatinLinear *linear, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[], PetscReal next[], PetscReal sum[3])
+LATIN_INLINE void LatinLinksStage(const LatinLinear *linear, const PetscInt dim, PetscInt s, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
-  const LatinTile tile                  = LatinTileOpen(linear, dim, lanes, member, z);
-  PetscReal       distance[LATIN_LANES] = {0.0}, energy[LATIN_LANES] = {0.0}, noise[LATIN_LANES] = {0.0}, *to[LATIN_LANES];
+  const LatinLinks links    = LatinLinksOpen(linear, dim, s);
+  PetscReal        distance = 0.0, energy = 0.0, noise = 0.0;
 
-  for (PetscInt w = 0; w < lanes; w++) to[w] = next + (tile.z[w] - z);
-  for (PetscInt l = 0; l < tile.links; l++) {
-    const PetscReal k    = tile.stiffness[l];
-    const PetscReal sign = LatinLawSign(tile.law[l]);
-    const PetscInt  i    = tile.state[l];
-    PetscReal       e[LATIN_LANES], e0[LATIN_LANES], old[LATIN_LANES], new[LATIN_LANES];
+  for (PetscInt l = 0; l < links.links; l++) {
+    const PetscInt  i = links.state[l];
+    const PetscReal k = links.stiffness[l], e0 = links.e0[l], e = LatinLinksElongation(&links, dim, l), whole = PetscAbsReal(e), strain = PetscAbsReal(e + e0);
+    PetscReal       old, new, taut;
 
-    LatinTileElongation(&tile, dim, lanes, l, e);
-    LATIN_FOR_LANES (w) e0[w] = tile.e0[w][l];
     if (i < 0) {
-      LATIN_FOR_LANES (w) {
-        energy[w] += k * e[w] * e[w];
-        noise[w] += k * (e[w] + e0[w]) * (e[w] + e0[w]);
-      }
+      energy += k * e * e;
+      noise += k * strain * strain;
       continue;
     }
-    LATIN_FOR_LANES (w) old[w] = tile.z[w][i];
-    LATIN_FOR_LANES (w) new[w] = LatinUnilateralLocal(sign, k, e0[w], old[w] + 2.0 * k * e[w]);
-    LATIN_FOR_LANES (w) {
-      /* a slack link stores no energy; the energy decreases continuously as it slackens, so that rounding does not matter */
-      const PetscReal whole = PetscAbsReal(e[w]), strain = PetscAbsReal(e[w] + e0[w]), taut = new[w] == k *e0[w] ? (strain < whole ? strain : whole) : 0.0;
-
-      distance[w] += (new[w] - old[w]) * (new[w] - old[w]) * (0.25 / k);
-      energy[w] += k * whole * taut;
-      noise[w] += taut > 0.0 ? k * strain * strain : 0.0;
-    }
-    LATIN_FOR_LANES (w) to[w][i] = new[w];
+    old = z[i];
+    new = LatinUnilateralLocal(LatinLawSign(links.law[l]), k, e0, old + 2.0 * k * e);
+    /* a slack link stores no energy; the energy decreases continuously as it slackens, so that rounding does not matter */
+    taut = new == k *e0 ? (strain < whole ? strain : whole) : 0.0;
+    distance += (new - old) * (new - old) * (0.25 / k);
+    energy += k * whole * taut;
+    noise += taut > 0.0 ? k * strain * strain : 0.0;
+    next[i] = new;
   }
-  for (PetscInt w = 0; w < lanes; w++) {
-    sum[0] += distance[w];
-    sum[1] += energy[w];
-    sum[2] += noise[w];
-  }
+  sum[0] += distance;
+  sum[1] += energy;
+  sum[2] += noise;
 }
 
 /* The local stage, or the forces if sum is NULL. No test of z or next: both may be NULL, on a rank without interfaces and states */
 LATIN_INLINE void LatinSweep(const LatinLinear *linear, const PetscInt dim, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
-  for (PetscInt b = 0; b < linear->batches->n; b++) {
-    const LatinBatch *batch = &linear->batches->batch[b];
-    const PetscInt    n     = batch->members;
-    PetscInt          m     = 0;
-
-    for (; batch->alike && m + LATIN_LANES <= n; m += LATIN_LANES) {
-      if (sum) LatinTileStage(linear, dim, LATIN_LANES, batch->sub + m, z, next, sum);
-      else LatinTileForces(linear, dim, LATIN_LANES, batch->sub + m, z);
-    }
-    for (; m < n; m++) {
-      if (sum) LatinTileStage(linear, dim, 1, batch->sub + m, z, next, sum);
-      else LatinTileForces(linear, dim, 1, batch->sub + m, z);
-    }
+  for (PetscInt s = 0; s < linear->sub->n; s++) {
+    if (sum) LatinLinksStage(linear, dim, s, z, next, sum);
+    else LatinLinksForces(linear, dim, s, z);
   }
 }
 
@@ -175,7 +113,7 @@ LATIN_CLONES void LatinSweepForces(const LatinLinear *linear, const PetscReal z[
   else LatinSweep(linear, 1, z, NULL, NULL);
 }
 
-/* The local stage of all links here; adds to sum, see LatinTileStage() */
+/* The local stage of all links here; adds to sum, see LatinLinksStage() */
 LATIN_CLONES void LatinSweepStage(const LatinLinear *linear, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
   if (linear->sub->structure->dim == 3) LatinSweep(linear, 3, z, next, sum);
