@@ -390,11 +390,6 @@ OTHERS = {
         "right-hand sides",
         "Bounds the work space of condensation to 16 copies of the displacements.",
     ),
-    "LATIN_HOMOGENISE_ROOM": (
-        "numbers",
-        "8 MB of right-hand sides: 64 columns up to 15,600 rows. Elasticity 24^3 on 8 ranks: condensation 52 ms,"
-        " with 16 columns 81.",
-    ),
     "LATIN_MATE_COLUMNS": ("numbers", "Exchanged in one message: few messages, work space of 16 numbers a dof."),
     "LATIN_HISTORY": ("linear stages", "Kept indicators and errors take 32 MB at most."),
     "LATIN_ESTIMATE_BITS": ("bits", "Eight for one of 256 rows, one for the sign: goes with `LATIN_ESTIMATE_ROWS`."),

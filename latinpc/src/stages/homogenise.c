@@ -16,8 +16,7 @@
    As R^t d R = 1, their energy is |A U|^2 / 2: hence the identity subtracted from T^-1, as in (29).
 */
 
-#define LATIN_HOMOGENISE_COLUMNS 16  /* fewest right-hand sides solved together, of large subdomains: bounds the work space to that many copies of U */
-#define LATIN_HOMOGENISE_ROOM    1e6 /* numbers, 8 MB: small subdomains take as many right-hand sides as this holds, up to LATIN_BATCH_COLUMNS, in two thirds of the time */
+#define LATIN_HOMOGENISE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
 
 #define LATIN_INVERSE_ROWS   512 /* rows of the largest dense inverse, 2 MB */
 #define LATIN_INVERSE_RUN    8   /* fewest members of a batch for each run of consecutive subdomain numbers */
@@ -74,14 +73,13 @@ static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, 
 /* phi: all rows of K_rr^-1 B, by blocks of columns */
 static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[], KSPConvergedReason *failed)
 {
-  const PetscInt n       = linear->batches->batch[which].rows;
-  const PetscInt columns = PetscMax(LATIN_HOMOGENISE_COLUMNS, PetscMin(LATIN_BATCH_COLUMNS, (PetscInt)(LATIN_HOMOGENISE_ROOM / PetscMax(n, 1))));
+  const PetscInt n = linear->batches->batch[which].rows;
   KSP            ksp;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverAccurate_Private(linear->solvers->ksp[which], linear->solvers->direct, &ksp));
-  for (PetscInt first = 0; first < m; first += columns) {
-    const PetscInt last = PetscMin(first + columns, m);
+  for (PetscInt first = 0; first < m; first += LATIN_HOMOGENISE_COLUMNS) {
+    const PetscInt last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, m);
     Mat            B, X;
     PetscScalar   *b;
 
