@@ -4,7 +4,8 @@
 FACTORS = {
     "LATIN_ELIMINATE_DENSE": (
         "rows",
-        "Dense algebra takes less time below: tensegrity-grid 60 and network 8000 by METIS into 8 to 240.",
+        "Dense algebra takes less time below: tensegrity-grid 60 and network 8000 by METIS into 8 to 240. "
+        "Without it set-up of the former in 240 0.55 -> 0.65 s.",
     ),
     "LATIN_CHOLESKY_COUPLED": (
         "times the entries of separate fields",

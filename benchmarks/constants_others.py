@@ -305,7 +305,11 @@ OTHERS = {
         "subdomains",
         "tensegrity-grid 48 in 16 blocks, 4 for each different one: primal 0.24, corner 0.26 s; in 64 0.14, 0.12 s.",
     ),
-    "LATIN_GROUPS": ("subdomains a side", "Of 2, 3, 4 and 6 the least set-up and memory."),
+    "LATIN_GROUPS": (
+        "subdomains a side",
+        "Of 2, 3, 4 and 6 the least set-up and memory. Without groups tensegrity-grid 200 in 2500 blocks: set-up "
+        "0.60 -> 0.80 s, stages 36 -> 41 ms, 646 -> 710 MB.",
+    ),
     "LATIN_GROUP_FULL": ("subdomains", "LATIN_GROUPS in each of three directions."),
     "LATIN_GROUP_CELLS": (
         "cells a side",
@@ -371,7 +375,8 @@ OTHERS = {
     "LATIN_INVERSE_ROWS": ("rows", "The inverse has 2 MB, about a second-level cache."),
     "LATIN_INVERSE_RUN": (
         "subdomains",
-        "The product of one inverse with eight vectors or more is arithmetic, with fewer it is memory traffic.",
+        "The product of one inverse with eight vectors or more is arithmetic, with fewer it is memory traffic. "
+        "Without inverses stages of lattice 256 x 128 take 3 to 9 % longer, of tensegrity-grid 200 4 %.",
     ),
     "LATIN_INVERSE_STAGES": (
         "linear stages",
