@@ -376,7 +376,8 @@ OTHERS = {
     "LATIN_INVERSE_RUN": (
         "subdomains",
         "The product of one inverse with eight vectors or more is arithmetic, with fewer it is memory traffic. "
-        "Without inverses stages of lattice 256 x 128 take 3 to 9 % longer, of tensegrity-grid 200 4 %.",
+        "Without inverses stages of lattice 256 x 128 take 3 to 9 % longer, of tensegrity-grid 200 "
+        "4 %, of others as long.",
     ),
     "LATIN_INVERSE_STAGES": (
         "linear stages",
