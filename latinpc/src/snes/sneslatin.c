@@ -147,13 +147,13 @@ static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, P
   PetscFunctionReturn(0);
 }
 
-/* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller. Collective on snes */
+/* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller, or where links yield and it is far away. Collective on snes */
 static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->latin->sub.structure;
   PetscReal     *rigid     = data->latin->linear.rigid_tension, rest;
-  PetscBool      far;
+  PetscBool      far       = PETSC_FALSE;
   Vec            zero, r;
 
   PetscFunctionBegin;
@@ -166,7 +166,7 @@ static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
   PetscCall(VecNorm(r, NORM_2, &rest));
   PetscCall(DMRestoreGlobalVector(structure->dm, &r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
-  PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far));
+  if (data->newton.own_laws) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far)); /* on plateaus unbalanced forces are small however far it is */
   if (data->residual <= rest && !far) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(snes->vec_sol));
   if (rigid) PetscCall(PetscArrayzero(rigid, structure->links_local));
