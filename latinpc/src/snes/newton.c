@@ -52,7 +52,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
   newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
-  newton->own_laws          = (PetscBool)(structure->general && structure->rigid_law < 0 && !structure->ground);
+  newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->rubs);
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
@@ -108,22 +108,28 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   PetscFunctionReturn(0);
 }
 
-/*
-   Does the unbalance at u contradict convergence? The unbalance may be rounding alone. If u is larger than the structure, that is
-   nearly a mechanism, and a small unbalance proves nothing: *claims becomes false. Collective on snes
-*/
-static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
+/* If u is larger than the structure, that is nearly a mechanism, and a small unbalance proves nothing: *claims becomes false. Collective on newton->structure */
+static PetscErrorCode LatinNewtonNear_Private(LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims)
 {
   PetscBool far;
-  Vec       r, more;
+
+  PetscFunctionBegin;
+  if (!newton->proves || fnorm <= LATIN_NEWTON_FAR * newton->loads) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumFar_Private(newton->structure, u, &far));
+  if (far) *claims = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Does the unbalance at u contradict convergence? The unbalance may be rounding alone. Collective on snes */
+static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
+{
+  Vec r, more;
 
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(SNESGetRhs(snes, &more));
   PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, found));
-  if (!newton->proves || fnorm <= LATIN_NEWTON_FAR * newton->loads) PetscFunctionReturn(0);
-  PetscCall(LatinEquilibriumFar_Private(newton->structure, u, &far));
-  if (far) *claims = PETSC_FALSE;
+  PetscCall(LatinNewtonNear_Private(newton, u, fnorm, claims));
   PetscFunctionReturn(0);
 }
 
@@ -292,6 +298,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* no error reduction with a fixed active set */
   claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->stagnant || newton->stagnant > LATIN_NEWTON_STAGNANT));
+  if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -431,8 +438,10 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
 /* Solves from the initial guess u, known to the relative error `known` (0: not known). u is undefined if the reason is negative. Collective on snes */
 PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
 {
-  PetscReal least, most;
-  KSP       ksp;
+  const PetscBool own_laws = newton->own_laws;
+  PetscReal       least, most;
+  KSP             ksp;
+  Vec             start;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
@@ -448,6 +457,16 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
+  PetscCall(VecCopy(u, start));
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
+  if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED && newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones */
+    PetscCall(VecCopy(start, u));
+    PetscCall(LatinMultipliersStart_Private(newton->latin, newton));
+    newton->own_laws = PETSC_FALSE;
+    PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
+    newton->own_laws = own_laws;
+  }
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
   PetscFunctionReturn(0);
 }

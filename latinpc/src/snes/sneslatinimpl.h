@@ -68,7 +68,7 @@ typedef struct {
   PetscReal        error;             /* estimated or measured error of the last step */
   PetscReal        known;             /* bound on the relative error of the displacements before a step; 0: not known */
   PetscBool        linear;            /* no link can become slack */
-  PetscBool        own_laws;          /* laws of the user, in statics without rigid links: they may yield */
+  PetscBool        own_laws;          /* tables or laws of the user, in statics without friction: they may yield */
   PetscInt         changes;           /* links that the last step has changed */
   PetscInt         steps, stages;     /* of this solve: Newton steps, linear stages */
   PetscInt         before;            /* Newton steps of this solve before the current run */

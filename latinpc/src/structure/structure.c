@@ -167,20 +167,22 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
 /* Stores laws that are known, with their stiffnesses, and checks them against the geometry and the initial elongations. Collective on structure */
 static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
-  PetscInt kinds[3] = {-1, 0, 0};
+  PetscInt kinds[4] = {-1, 0, 0, 0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table, for messages */
     if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
     if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
+    if (law[l] > LATIN_LAW_TANGENT) kinds[3] = 1;
     structure->law[l]       = law[l];
     structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 3, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 4, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
   structure->general   = (PetscBool)(kinds[1] > 0);
   structure->rubs      = (PetscBool)(kinds[2] > 0);
+  structure->own_laws  = (PetscBool)(kinds[3] > 0);
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscCall(LatinStructureSetInitialElongations(structure, e0));
   if (structure->set_up) {

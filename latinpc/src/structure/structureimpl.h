@@ -46,6 +46,7 @@ struct _p_LatinStructure {
   PetscReal     rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
   PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: no rigid links */
   PetscBool     general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
+  PetscBool     own_laws;      /* has tables or laws of the user, on any rank */
   PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices here */
   PetscInt      vertices;      /* vertices of the DM here */
   PetscInt      unlinked;      /* nodes without links that this rank created: the last vertices */
