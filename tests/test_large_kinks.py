@@ -114,3 +114,18 @@ def test_no_claim_of_yielding_chains_that_leap_away():
     ).solve(error=1e-6)
     assert np.abs(found.displacements).max() < 100.0
     assert not found.converged or found.balance.force < 1e-2
+
+
+def test_a_link_that_tightens_between_increments():
+    """Ten thousandfold, where little else holds the node: increments are not made so small that none follows."""
+    tightens = (
+        [-0.01981795, 0.00173331, 0.0205314, 0.02344549],
+        [-7.08783981e-4, 7.37117065e-5, 7.37117065e-5, 3.79155466e-2],
+    )
+    found = latinpc.Structure(
+        [[1.01488394, 1.42692716], [0.59375557, 1.1770515], [0.80347093, 1.54387636]], [[0, 1], [0, 2], [1, 2]],
+        latinpc.register_table(*tightens, name="tightens"), 0.0, fixed=[[1, 1], [0, 0], [1, 1]],
+        load=[[0.0, 0.0], [1.9123e-4, -7.3741e-4], [0.0, 0.0]],
+        initial_elongation=[-0.00029683, 0.05244218, -0.00029683], geometry="large",
+    ).solve()  # fmt: skip
+    assert found.converged

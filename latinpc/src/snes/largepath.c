@@ -222,7 +222,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   if (within && more > LATIN_PATH_STIFFENS) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
     if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
-    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
+    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* none so small that it may stiffen as it will */
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
   if (ends)
