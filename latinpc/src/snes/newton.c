@@ -441,7 +441,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   const PetscBool own_laws = newton->own_laws;
   PetscReal       least, most;
   KSP             ksp;
-  Vec             start;
+  Vec             start = NULL;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
@@ -457,8 +457,10 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
-  PetscCall(VecCopy(u, start));
+  if (own_laws) {
+    PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
+    PetscCall(VecCopy(u, start));
+  }
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED && newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones */
     PetscCall(VecCopy(start, u));
@@ -467,6 +469,6 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
     PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
     newton->own_laws = own_laws;
   }
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
+  if (own_laws) PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
   PetscFunctionReturn(0);
 }
