@@ -193,4 +193,5 @@ def test_a_link_that_yields_beside_a_contact(load, borne):
         comm=PETSc.COMM_SELF,
     ).solve()  # fmt: skip
     assert found.converged == borne
-    assert borne != any(text.startswith("no equilibrium") for text in found.notices)
+    named = ("no equilibrium", "rounding hides what the loads do")  # 5e-5 beyond the limit rounding may come first
+    assert borne != any(text.startswith(named) for text in found.notices)
