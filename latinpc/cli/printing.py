@@ -19,7 +19,7 @@ from latinpc.results.atomic import atomic
 def open_console(stderr=False):
     """Return a console that styles a terminal and leaves a pipe plain, with whole lines.
 
-    Open MPI gives ranks a terminal of its own, also where a file or a pipe gets what they print: plain, too.
+    Ranks of Open MPI print plain lines as well: it gives them a terminal even where their output goes to a file.
     """
     stream = sys.stderr if stderr else sys.stdout
     plain = "OMPI_COMM_WORLD_SIZE" in os.environ and "FORCE_COLOR" not in os.environ
