@@ -210,6 +210,14 @@ def test_the_iteration_alone_stalls():
     assert far(alone.u, helped.u) > 1e-2
 
 
+@pytest.mark.parametrize("limit", [11, 12])
+def test_a_limit_of_stages_leaves_none_for_a_proof(limit):
+    """-snes_max_it reached: no search for a collapse, whose stages are the same again and more."""
+    result = solve(make("network", nodes=200), max_it=limit)
+    assert result.reason == REASON.DIVERGED_MAX_IT
+    assert result.iterations <= limit + 1
+
+
 @pytest.mark.parametrize("make_scene", [grid, irregular])
 def test_is_not_called_where_the_iteration_converges(make_scene):
     """Scenes of like stiffnesses: the same iterates with and without, bit for bit, and nothing is built for it."""

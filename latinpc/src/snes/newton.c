@@ -208,8 +208,8 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
 }
 
 /*
-   Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly; counts as its steps. Needs PC latin: the
-   operators have no entries for other preconditioners. Collective on newton->snes
+   Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly and has linear stages left; counts as its
+   steps. Needs PC latin: the operators have no entries for other preconditioners. Collective on newton->snes
 */
 PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
 {
@@ -223,7 +223,7 @@ PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (newton->collapse_searched || !newton->tangent || !latin) PetscFunctionReturn(0);
+  if (newton->collapse_searched || !newton->tangent || !latin || newton->stages >= newton->limit) PetscFunctionReturn(0);
   newton->collapse_searched = PETSC_TRUE;
   if (newton->structure->rubs) {
     PetscCall(LatinNewtonCones_Private(newton->latin, newton, more, newton->tension, &held));
