@@ -79,6 +79,18 @@ def test_units_of_force_change_nothing():
     assert far(other.tensions / 1e6, one.tensions) < 1e-4
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_grains_move_as_far_as_their_gaps(dim):
+    """Displacements of rigid grains are proportional to their gaps, which may be far larger than the structure."""
+    scene = make("packing", side=7 - dim, dim=dim, law="friction")
+    near = solve(scene, error=1e-6)
+    assert near.reason > 0
+    for power in (6, 12):
+        result = solve(replace(scene, initial_elongation=10.0**power * scene.initial_elongation), error=1e-6)
+        assert result.reason > 0
+        assert far(result.u, 10.0**power * near.u) < 1e-5
+
+
 def test_what_no_friction_holds_is_refused():
     """A load up, away from the floor: no equilibrium, whatever the friction."""
     scene = rested(0.9, 0.0)
