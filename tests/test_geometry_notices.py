@@ -144,6 +144,17 @@ def test_prestress_beyond_the_stiffness_is_noticed(geometry):
     assert not string(1e3, geometry).solve().notices  # of a force density: no length without tension
 
 
+def test_gaps_are_no_prestress():
+    """A gap may be longer than the link that closes it."""
+    nodes, fixed, load = [[0.0], [1.0], [2.0]], [[1], [0], [1]], [[0], [-1.0], [0]]
+    structure = latinpc.Structure(
+        nodes, [[0, 1], [1, 2]], ["compression_only", "bar"], [1e3, 1e-1], [3.0, 0.0], fixed=fixed, load=load
+    )
+    result = structure.solve()
+    assert result.converged and result.tensions[0] < 0
+    assert not [text for text in result.notices if "initial elongations" in text]
+
+
 def test_prestress_beyond_the_stiffness_is_an_error_where_displacements_are_large():
     """Given at once, later, and as a load case; a contact has a gap, which is no length."""
     with pytest.raises(PETSc.Error) as error:

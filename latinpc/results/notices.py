@@ -225,7 +225,8 @@ def turned(result: Result) -> list[str]:
 
 def overstretched(structure: Structure) -> list[str]:
     """Return a sentence on links whose length without tension would be below zero, if there are any; not collective."""
-    acts = ~(keeps_direction(structure) | np.isin(structure.law, (Law.CONTACT, Law.FRICTION, Law.TANGENT)))
+    gaps = (Law.CONTACT, Law.FRICTION, Law.TANGENT, Law.COMPRESSION_ONLY)
+    acts = ~(keeps_direction(structure) | np.isin(structure.law, gaps))
     longest = structure.lengths * (
         1.0 + np.sqrt(np.finfo(float).eps)
     )  # of a given force density: zero, but for rounding
