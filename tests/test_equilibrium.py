@@ -130,7 +130,7 @@ def test_tensions_that_make_room_for_others_show_no_jam():
     u, reason, _, jammed, _ = ended(scene, subdomains=0)
     assert exact.exists and exact.unique
     assert jammed == (0, [])
-    assert reason < 0 or u == pytest.approx(exact.displacements, abs=1e-9)  # rounding decides whether it converges
+    assert reason < 0 or far(u, exact.displacements) < 3 * ACCURACY  # rounding decides whether it converges
 
 
 def test_a_net_that_holds_is_not_jammed_where_the_iteration_is_cut_short():

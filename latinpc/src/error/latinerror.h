@@ -154,6 +154,53 @@ static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, 
   return way;
 }
 
+/* ---- interior-point method for tensions between bounds (error/primaldual.c) ---- */
+/* A bound on the tension of a link: the lower one, side 0, or the upper one */
+typedef struct {
+  PetscReal bound; /* infinite where the link resists */
+  PetscReal y, s;  /* distance of the tension from it; elongation while the tension is there: one of both vanishes */
+  PetscReal ds, rhs;
+} LatinBound;
+
+typedef struct {
+  LatinStructure structure;
+  KSP            ksp;
+  Mat            A;              /* B^t (R + W) B */
+  Vec            f, d;           /* loads; displacements */
+  Vec            r, dd;          /* unbalance; step of d */
+  PetscInt       n;              /* links here */
+  PetscReal      count;          /* finite bounds, on all ranks */
+  PetscReal      links;          /* all links, on all ranks */
+  PetscReal      scale;          /* of the loads */
+  PetscReal      reference;      /* R */
+  PetscReal      regularisation; /* initial compliance of a link that resists, besides c */
+  PetscReal      floor;          /* least W in A */
+  PetscReal      unbalance;      /* relative to the initial one */
+  PetscInt       stages;
+  PetscReal     *x, *dx;  /* [n] elongations, their steps */
+  PetscReal     *t, *dt;  /* [n] tensions */
+  PetscReal     *w, *rhs; /* [n] weights of links; work */
+  PetscReal     *give;    /* [n] c */
+  LatinBound (*side)[2];  /* [n] */
+} LatinPrimalDual;
+
+static inline PetscReal LatinBoundSign(PetscInt side)
+{
+  return side ? -1.0 : 1.0;
+}
+
+/* The side of a link, NULL if it has no bound there, or if its tension is constant */
+static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
+{
+  return PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
+}
+
+PETSC_INTERN PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *, Vec more);
+PETSC_INTERN PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *);
+PETSC_INTERN PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *, Vec b, PetscBool *failed);
+PETSC_INTERN PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *);
+PETSC_INTERN PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
+
 /* Active-set method of error/cone.c: n unknowns, a basis of links */
 enum { LATIN_CONE_SLACK, LATIN_CONE_BASIS, LATIN_CONE_SPANNED };
 

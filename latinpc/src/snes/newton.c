@@ -19,11 +19,9 @@
 */
 
 #define LATIN_NEWTON_STAGES         300                            /* most linear stages predicted: with more, the iteration stalls */
-#define LATIN_NEWTON_RIGID          5000                           /* the same with rigid links, for which Newton's method solves several problems */
 #define LATIN_NEWTON_WINDOW         20                             /* linear stages over which the contraction rate is measured */
 #define LATIN_NEWTON_CONTRAST       1e6                            /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
 #define LATIN_NEWTON_RTOL           1e-2                           /* rtol of a linear solve while the active set changes */
-#define LATIN_NEWTON_TIGHT          LatinByPrecision(1e-9, 1e-5)   /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
 #define LATIN_NEWTON_PROOF          0.5                            /* relative residual of a linear solve below which its iterate measures the error */
 #define LATIN_NEWTON_FLOOR          LatinByPrecision(1e-8, 1e-5)   /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
 #define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)        /* the same, at least, relative to the greatest stiffness: less is a mechanism to the factorisation */
@@ -55,7 +53,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->rubs);
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
-  newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
+  newton->most     = LATIN_NEWTON_STAGES;
   newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction Newton's method may fail although there is an equilibrium */
   PetscFunctionReturn(0);
 }
@@ -211,7 +209,7 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
    Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly and has linear stages left; counts as its
    steps. Needs PC latin: the operators have no entries for other preconditioners. Collective on newton->snes
 */
-PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
+static PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
 {
   PetscInt  steps, stages;
   PetscBool latin, held;
@@ -234,6 +232,7 @@ PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
   PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, NULL, &steps, &stages, &held, &newton->found));
+  newton->held = (PetscBool)(held && !newton->own_laws);
   newton->steps += steps;
   newton->stages += stages;
   newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
@@ -308,6 +307,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;
   if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
+  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER; /* it begins again where the interior-point method ends */
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* direct solvers do not call the test that sets it */
@@ -452,7 +452,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   newton->left              = 0.0;
   newton->safety            = 1.0;
   newton->tensions          = -1.0;
-  newton->collapse_searched = PETSC_FALSE;
+  newton->collapse_searched = newton->held = PETSC_FALSE;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
@@ -470,5 +470,11 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
     newton->own_laws = own_laws;
   }
   if (own_laws) PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
+  if (*reason < 0) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
+  if (newton->held) {
+    newton->held = PETSC_FALSE;
+    PetscCall(LatinNewtonConvex_Private(newton, snes->vec_rhs, u));
+    PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
+  }
   PetscFunctionReturn(0);
 }

@@ -207,7 +207,6 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, own, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, stall || !SNESLatinEstimates(data) ? 0.0 : data->estimate.value, snes->vec_sol, &reason));
-  if (reason < 0) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   data->found = newton->found;
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));

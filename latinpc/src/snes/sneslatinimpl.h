@@ -75,18 +75,20 @@ typedef struct {
   PetscInt         limit;             /* most linear stages of Newton's method */
   PetscInt         stagnant;          /* consecutive steps with a stagnant line search */
   PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
+  PetscBool        held;              /* it has shown that the loads are borne */
   LatinEquilibrium found;             /* its verdict; without an equilibrium the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension, *bound;
   PetscBool  sticks; /* the last problem solved has sticking contacts: friction without bound */
 } LatinNewton;
+#define LATIN_NEWTON_TIGHT LatinByPrecision(1e-9, 1e-5) /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
-PETSC_INTERN PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *, Vec more);
+PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);

@@ -1,0 +1,202 @@
+#include "error/latinerror.h"
+
+/*
+   Tensions between bounds: the primal-dual interior-point method of S. Mehrotra for
+
+     B^t (t + R x) = f,   x = B d + e0 - c t,   x = sum over bounds of -sign s,   y = sign (t - bound) >= 0,   s >= 0,   s y = 0,
+
+   with two unknowns at each bound on the tension t of a link: its distance y from the bound, and the elongation s that the link has there. c: compliance
+   of the link; R: stiffness of bars beside all links. The number of steps hardly depends on the size of the structure; a step takes one factorisation of
+   B^t (R + W) B and two solves, W > 0: no link holds up the others, and no node is loose. Tensions are regularised [M. P. Friedlander, D. Orban]: this bounds W
+   and does not change the solution.
+*/
+
+#define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
+
+/* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number. Collective */
+static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
+{
+  PetscReal sum[2] = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < c->n; l++) {
+    PetscReal bound[2];
+
+    LatinLinkBounds(c->structure, l, bound);
+    c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
+    for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
+    for (PetscInt i = 0; i < 2; i++) sum[0] += LatinBoundAt(c, l, i) ? 1.0 : 0.0;
+    sum[1] += 1.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  c->count = sum[0];
+  c->links = sum[1];
+  PetscFunctionReturn(0);
+}
+
+/* Vectors and arrays, zero; the bounds on the tensions. f: loads and `more`, less the least tensions; d = 0. Collective */
+PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *c, Vec more)
+{
+  const DM dm = c->structure->dm;
+
+  PetscFunctionBegin;
+  c->n = c->structure->links_local;
+  PetscCall(PetscCalloc7(c->n, &c->x, c->n, &c->dx, c->n, &c->t, c->n, &c->dt, c->n, &c->w, c->n, &c->rhs, c->n, &c->side));
+  PetscCall(PetscCalloc1(c->n, &c->give));
+  PetscCall(DMGetGlobalVector(dm, &c->f));
+  PetscCall(DMGetGlobalVector(dm, &c->d));
+  PetscCall(DMGetGlobalVector(dm, &c->r));
+  PetscCall(DMGetGlobalVector(dm, &c->dd));
+  PetscCall(LatinPrimalDualBounds_Private(c));
+  PetscCall(VecCopy(c->structure->load, c->f));
+  if (more) PetscCall(VecAXPY(c->f, 1.0, more));
+  PetscCall(VecZeroEntries(c->d));
+  PetscCall(LatinStructureForces_Private(c->structure, c->t, c->d, NULL, c->r));
+  PetscCall(VecAXPY(c->f, -1.0, c->r));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *c)
+{
+  const DM dm = c->structure->dm;
+
+  PetscFunctionBegin;
+  PetscCall(DMRestoreGlobalVector(dm, &c->dd));
+  PetscCall(DMRestoreGlobalVector(dm, &c->r));
+  PetscCall(DMRestoreGlobalVector(dm, &c->d));
+  PetscCall(DMRestoreGlobalVector(dm, &c->f));
+  PetscCall(PetscFree(c->give));
+  PetscCall(PetscFree7(c->x, c->dx, c->t, c->dt, c->w, c->rhs, c->side));
+  PetscFunctionReturn(0);
+}
+
+/* dd = A^-1 b. Collective */
+PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool *failed)
+{
+  KSPConvergedReason reason;
+  PetscInt           stages;
+
+  PetscFunctionBegin;
+  PetscCall(KSPSolve(c->ksp, b, c->dd));
+  PetscCall(KSPGetConvergedReason(c->ksp, &reason));
+  PetscCall(KSPGetIterationNumber(c->ksp, &stages));
+  c->stages += stages;
+  if (reason < 0) *failed = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* Assembles A = B^t (R + W) B; the next solve factors it. Collective */
+PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c)
+{
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = c->reference + PetscMax(c->w[l], c->floor);
+  PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
+  PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
+  PetscFunctionReturn(0);
+}
+
+/* x = B d + e0 - c t; B d alone where stiffnesses do not matter. Collective */
+static PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *c)
+{
+  PetscFunctionBegin;
+  if (c->reference > 0.0) PetscCall(LatinStructureElongations_Private(c->structure, NULL, c->d, c->x));
+  else PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
+  for (PetscInt l = 0; l < c->n; l++) c->x[l] -= c->give[l] * c->t[l];
+  PetscFunctionReturn(0);
+}
+
+/* Predictor step, towards complementarity s y = 0; corrector step (`corrects`), towards s y = mean, with the second-order term ds dy of the predictor. Collective */
+static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, PetscBool *failed)
+{
+  PetscFunctionBegin;
+  /* dt = W (x - sum of sign rhs / y + dx); W dx is added after the solve */
+  for (PetscInt l = 0; l < c->n; l++) {
+    PetscReal x = c->x[l];
+
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinBound *at = LatinBoundAt(c, l, i);
+
+      if (!at) continue;
+      at->rhs = corrects ? LatinBoundSign(i) * at->ds * c->dt[l] - mean : 0.0;
+      x -= LatinBoundSign(i) * at->rhs / at->y;
+    }
+    c->dx[l] = c->w[l] * x;
+  }
+  PetscCall(PetscArraycpy(c->dt, c->dx, c->n));
+  for (PetscInt l = 0; l < c->n; l++) c->dx[l] += c->reference * c->x[l] + c->t[l];
+  PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, NULL, c->r));
+  PetscCall(VecAYPX(c->r, -1.0, c->f));
+  PetscCall(LatinPrimalDualSolve_Private(c, c->r, failed));
+  PetscCall(LatinStructureElongations_Private(c->structure, NULL, c->dd, c->dx));
+  for (PetscInt l = 0; l < c->n; l++) {
+    c->dt[l] += c->w[l] * c->dx[l];
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinBound *at = LatinBoundAt(c, l, i);
+
+      if (at) at->ds = -at->s - (at->rhs + LatinBoundSign(i) * at->s * c->dt[l]) / at->y;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Step length: `back` times the longest step that keeps all s and y >= 0, at most 1; mean complementarity product after the step. Collective */
+static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscReal back, PetscReal *length, PetscReal *mean)
+{
+  const MPI_Comm comm = PetscObjectComm((PetscObject)c->structure);
+  PetscReal      sum  = 0.0;
+
+  PetscFunctionBegin;
+  *length = 1.0 / back;
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
+    const PetscReal   dy = LatinBoundSign(k % 2) * c->dt[k / 2];
+
+    if (at && at->ds < 0.0) *length = PetscMin(*length, -at->s / at->ds);
+    if (at && dy < 0.0) *length = PetscMin(*length, -at->y / dy);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, comm));
+  *length *= back;
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
+
+    if (at) sum += (at->s + *length * at->ds) * (at->y + *length * LatinBoundSign(k % 2) * c->dt[k / 2]);
+  }
+  PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, comm));
+  *mean /= c->count;
+  PetscFunctionReturn(0);
+}
+
+/* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
+PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
+{
+  PetscReal length, after;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < c->n; l++) {
+    PetscReal give = c->give[l] + c->regularisation;
+
+    for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound ? 0.0 : 1.0 / give; /* a tension that is constant */
+  }
+  PetscCall(LatinPrimalDualOperator_Private(c));
+  PetscCall(LatinPrimalDualStep_Private(c, PETSC_FALSE, 0.0, failed));
+  if (*failed) PetscFunctionReturn(0);
+  PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length, &after));
+  PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, *mean * PetscPowRealInt(after / *mean, 3), failed));
+  if (*failed) PetscFunctionReturn(0);
+  PetscCall(LatinPrimalDualLength_Private(c, LATIN_PRIMAL_DUAL_LENGTH, &length, mean));
+  PetscCall(VecAXPY(c->d, length, c->dd));
+  for (PetscInt l = 0; l < c->n; l++) {
+    c->t[l] += length * c->dt[l];
+    for (PetscInt i = 0; i < 2; i++) {
+      LatinBound *at = LatinBoundAt(c, l, i);
+
+      if (!at) continue;
+      at->s += length * at->ds;
+      at->y += length * LatinBoundSign(i) * c->dt[l];
+    }
+  }
+  c->unbalance *= 1.0 - length;
+  PetscCall(LatinPrimalDualElongations_Private(c));
+  PetscFunctionReturn(0);
+}
