@@ -48,6 +48,16 @@ def test_limit_point_of_two_bars(truss):
     assert "load factor" in repr(result)
 
 
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("limit", [20, 200, 1918])
+def test_a_limit_of_stages_is_no_limit_point(limit):
+    """-snes_max_it counts the stages of Newton's method too, and ends a path without a claim: this tower holds."""
+    result = make("tower", stages=20).solve(options={"snes_max_it": limit})
+    assert "not enough" in result.reason
+    assert result.report["load_factor"] < 1.0
+    assert result.iterations <= limit + 40  # the linear solve that reached it
+
+
 def test_what_holds_has_a_load_factor_of_one():
     """And no motion beyond; linear structures have no such thing."""
     result = make("tower", stages=2).solve()

@@ -139,7 +139,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
     if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
   }
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE && linear->applications >= PetscMin(SNESLatinStageLimit(snes), large->last)) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE && (SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE) {
     PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
     if (due) *next = LATIN_NEXT_REBUILD;
@@ -343,7 +343,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
   PetscReal   least[LATIN_LARGE_STAGNATION][2];
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
+  for (PetscInt k = 0; k < times && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));

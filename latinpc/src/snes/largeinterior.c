@@ -426,7 +426,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
   KSP         ksp;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && !*done && data->latin->linear.applications + data->newton.stages < SNESLatinStageLimit(snes); k++) {
+  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && !*done && SNESLatinStagesLeft(snes) > 0; k++) {
     PetscCall(LatinInteriorMeasure_Private(point, u));
     PetscCall(LatinInteriorTangent_Private(snes, point, &ksp));
     PetscCall(LatinInteriorDirection_Private(snes, ksp, point, &part));

@@ -396,15 +396,14 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->error         = 1.0;
   large->first_step[0] = large->first_step[1] = 1.0;
   large->force                                = PETSC_MAX_REAL;
-  large->most                                 = most;
-  large->proofs                               = 0;
+  large->most = large->limit = PetscMin(most, SNESLatinStagesLeft(snes));
+  large->proofs              = 0;
   large->changed = large->softer = 0;
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
-  large->limit = most;
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));
   PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));

@@ -390,7 +390,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscFunctionBegin;
   if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
   LatinPathCloser(path, 1.0);
-  while (from && path->targets && data->latin->linear.applications < SNESLatinStageLimit(snes)) {
+  while (from && path->targets && SNESLatinStagesLeft(snes) > 0) {
     while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->reached;
@@ -408,7 +408,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
   /* the iteration alone, which bars in compression disturb, ends before a limit point as well as at one */
-  if (data->latin->linear.applications < SNESLatinStageLimit(snes) && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathLimit_Private(snes, path));
+  if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathLimit_Private(snes, path));
   PetscFunctionReturn(0);
 }
 

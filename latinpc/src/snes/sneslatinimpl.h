@@ -216,6 +216,13 @@ static inline PetscInt SNESLatinStageLimit(SNES snes)
 {
   return snes->max_funcs < 0 ? snes->max_its : PetscMin(snes->max_its, snes->max_funcs);
 }
+/* Linear stages that are left, of the iteration and of Newton's method */
+static inline PetscInt SNESLatinStagesLeft(SNES snes)
+{
+  const SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  return SNESLatinStageLimit(snes) - data->latin->linear.applications - data->newton.stages;
+}
 /* The estimated error of the tensions to stop at */
 static inline PetscReal SNESLatinTensionTarget(const SNES_Latin *data)
 {
