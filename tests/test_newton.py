@@ -218,6 +218,15 @@ def test_a_limit_of_stages_leaves_none_for_a_proof(limit):
     assert result.iterations <= limit + 1
 
 
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_a_linear_solve_ends_at_the_limit_of_stages():
+    """-snes_max_it counts the iterations of a linear solve of Newton's method as it goes on: here it takes hundreds."""
+    scene = make("tensegrity-grid", modules=24)
+    result = solve(replace(scene, load=1e4 * scene.load), max_it=100)
+    assert result.reason == REASON.DIVERGED_MAX_IT
+    assert result.iterations <= 101
+
+
 @pytest.mark.parametrize("make_scene", [grid, irregular])
 def test_is_not_called_where_the_iteration_converges(make_scene):
     """Scenes of like stiffnesses: the same iterates with and without, bit for bit, and nothing is built for it."""

@@ -101,7 +101,8 @@ static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *ne
   PetscCall(SNESGetLinearSolveIterations(newton->snes, &stages));
   newton->steps += steps;
   newton->stages += stages;
-  newton->balance = kept;
+  newton->stages_left = newton->limit - newton->stages;
+  newton->balance     = kept;
   PetscFunctionReturn(0);
 }
 

@@ -95,6 +95,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   newton->left = newton->first > 0.0 ? rnorm / newton->first : 0.0;
   if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
   else if (newton->left <= rtol) *reason = KSP_CONVERGED_RTOL;
+  else if (it >= newton->stages_left) *reason = KSP_DIVERGED_ITS;
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
@@ -221,7 +222,7 @@ static PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (newton->collapse_searched || !newton->tangent || !latin || newton->stages >= newton->limit) PetscFunctionReturn(0);
+  if (newton->collapse_searched || !newton->tangent || !latin || newton->stages_left <= 0) PetscFunctionReturn(0);
   newton->collapse_searched = PETSC_TRUE;
   if (newton->structure->rubs) {
     PetscCall(LatinNewtonCones_Private(newton->latin, newton, more, newton->tension, &held));
@@ -273,6 +274,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
   PetscCall(SNESGetLinearSolveIterations(snes, &stages));
+  newton->stages_left = newton->limit - newton->stages - stages;
   if (!it) {
     changes          = newton->linear ? 0 : 1;
     newton->stagnant = newton->small = 0;
@@ -302,7 +304,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (it >= most || newton->stages + stages >= newton->limit) *reason = SNES_DIVERGED_MAX_IT;
+  else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;

@@ -73,6 +73,7 @@ typedef struct {
   PetscInt         steps, stages;     /* of this solve: Newton steps, linear stages */
   PetscInt         before;            /* Newton steps of this solve before the current run */
   PetscInt         limit;             /* most linear stages of Newton's method */
+  PetscInt         stages_left;       /* of these */
   PetscInt         stagnant;          /* consecutive steps with a stagnant line search */
   PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
   PetscBool        held;              /* it has shown that the loads are borne */
