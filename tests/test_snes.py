@@ -12,7 +12,7 @@ from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, netwo
 
 import latinpc
 from latinpc.options import default_options
-from latinpc.scenes import Law, Scene
+from latinpc.scenes import Law, Scene, make
 
 REASON = PETSc.SNES.ConvergedReason
 
@@ -189,6 +189,21 @@ def test_history_and_monitors_have_the_norm_of_the_function():
         assert run.snes.getConvergenceHistory()[0] == pytest.approx(norms[0])
         run.structure.residual(u, r)
         assert run.snes.getFunctionNorm() == pytest.approx(r.norm())
+
+
+@pytest.mark.parametrize("name", ["net", "packing"])
+def test_a_monitor_changes_nothing(name):
+    """Nets and grains of rigid links, which Newton's method finishes from their last tensions: the same to the bit."""
+    scene, ends = make(name, side=6), []
+    for watched in (False, True):
+        with latin(scene) as run:
+            if watched:
+                run.snes.setMonitor(lambda snes, iteration, norm: None)
+            u = run.structure.create_vec()
+            run.snes.solve(None, u)
+            ends.append((run.snes.getIterationNumber(), run.snes.getLinearSolveIterations(), u.array.tolist()))
+    assert ends[0][1] > 0
+    assert ends[0] == ends[1]
 
 
 def test_without_a_monitor_the_last_norm_is_that_of_the_function():

@@ -200,7 +200,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->limit          = SNESLatinStageLimit(snes) - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNewtonGuess_Private(snes));
-  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* the estimated error is small */
+  else PetscCall(SNESLatinResidual_Private(snes)); /* the estimated error is small: from these displacements, and these tensions of rigid links */
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
   PetscCall(SNESLatinNewtonBalance_Private(snes, own, &newton->balance));
