@@ -171,6 +171,30 @@ def test_ranks_agree_on_failure(mpirun):
     assert json.loads(out) == [[-3, -5]] * 3
 
 
+RIGID = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
+from petsc4py import PETSc
+sys.path.insert(0, sys.argv[1])
+import latinpc
+import support
+from latinpc.scenes import make
+
+structure = latinpc.Structure.from_scene(make("net", side=4), comm=PETSc.COMM_WORLD)
+with support.latin(None, structure, stop="residual", rtol=1e-4) as run:
+    run.snes.solve(None, structure.create_vec())
+    reasons = PETSc.COMM_WORLD.tompi4py().gather(int(run.snes.getConvergedReason()))
+if reasons:
+    print(reasons)
+"""
+
+
+def test_ranks_without_rigid_links_agree(mpirun):
+    """The first rank has all links of a small net. The stop on the residual asks for their gaps on every rank."""
+    assert json.loads(mpirun(3, RIGID, Path(__file__).parent).stdout) == [3] * 3
+
+
 def test_communicator_of_the_structure():
     """A structure on one rank is that rank's alone, whatever else runs."""
     structure = latinpc.Structure.from_scene(lattice(), comm=MPI.COMM_SELF)

@@ -90,7 +90,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   if (loads > 0.0) data->first_residual = PetscMin(data->first_residual, loads);
   PetscCall(SNESLatinWatch_Private(snes, 0));
-  if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol && !data->latin->linear.rigid_tension) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
+  if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol && data->latin->sub.structure->rigid_law < 0) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
   if (data->next == LATIN_NEXT_CONTINUE) PetscTryTypeMethod(snes, update, 0);
   PetscFunctionReturn(0);
 }
@@ -191,7 +191,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
   const PetscBool balances = SNESLatinBalances(snes), statics = (PetscBool)!data->latin->sub.structure->ground;
   const PetscBool step   = (PetscBool)(statics && !balances && data->stop == LATIN_STOP_INDICATOR);
-  const PetscBool gaps   = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL && data->latin->linear.rigid_tension);
+  const PetscBool gaps   = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL && data->latin->sub.structure->rigid_law >= 0);
   const PetscReal target = step ? PetscMax(LATIN_STEP_ERROR * snes->stol, PETSC_SQRT_MACHINE_EPSILON) : data->target;
   PetscReal       loads;
   PetscBool       far;
