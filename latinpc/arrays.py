@@ -30,7 +30,7 @@ class Slices:
         self.links = links
         self.node_start, self.node_end = self._block(nodes)
         if subdomain is None:
-            starts = np.append(np.flatnonzero(law != Law.TANGENT), links)  # parts of a contact stay on one rank
+            starts = np.r_[0, 1 + np.flatnonzero(law[1:] != Law.TANGENT), links]  # parts of a contact stay on one rank
             first, last = starts[np.searchsorted(starts, self._block(links))]
             self.my_links = np.arange(first, last)
         else:

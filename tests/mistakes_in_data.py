@@ -119,6 +119,10 @@ CASES = {
         r"link 1 .* has an unknown law \(0 bar, 1 cable, 2 compression_only, ",
         lambda: spoiled("law", 1, 99),
     ),
+    "tangent_first": (
+        r"Link 0 is not part of a complete contact with friction",
+        lambda: square(law=["tangent"] + 7 * ["bar"]),
+    ),
     "no_link": (r"links must be an \(m, 2\) array of node numbers", lambda: square(links=np.zeros((0, 2), int))),
     "half_a_node": (r"links must be integers", lambda: square(links=LINKS + 0.5)),
     "four_dimensions": (r"nodes must be an \(n, dim\) array with dim 1, 2 or 3", lambda: square(nodes=np.ones((5, 4)))),
