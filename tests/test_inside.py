@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from petsc4py import PETSc
 from random_structures import draws
-from support import ALL_VARIANTS, VARIANTS, far, grid, irregular, lattice, network, settled
+from support import ALL_VARIANTS, VARIANTS, far, grid, irregular, latin, lattice, network, settled
 from test_properties import ALIKE, EXAMPLES
 
 import latinpc
@@ -186,6 +186,19 @@ def test_more_load_and_a_guess():
 def test_a_report_names_the_preconditioner():
     report = run_solve(grid(), {"snes_type": "ngmres", "npc_snes_type": "latin"}).report
     assert report["solver"] == "ngmres, npc latin"
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 5])
+def test_few_iterations_keep_a_good_guess(most):
+    """No linear stage is left for a proof: that is no rounding, after which a solve starts again from rest."""
+    scene = grid()
+    solution = oracle.newton(scene)
+    with latin(scene, max_it=most) as run:
+        u = run.structure.create_vec()
+        run.structure.set_displacements(solution, u)
+        run.snes.solve(None, u)
+        assert run.snes.getConvergedReason() > 0 or run.snes.getConvergedReason() == REASON.DIVERGED_MAX_IT
+        assert far(run.structure.displacements(u), solution) < 1e-6
 
 
 # ---- in a composite --------------------------------------------------------------------------------

@@ -227,7 +227,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
-  data->next = LATIN_NEXT_ROUNDING; /* convergence is unproven: Newton's method has failed */
+  data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* convergence is unproven: Newton's method has failed, or had no stages left */
   PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
   PetscFunctionReturn(0);
 }
