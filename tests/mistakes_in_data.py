@@ -21,6 +21,12 @@ SQUARE = {"nodes": NODES, "links": LINKS, "law": np.zeros(8, int), "stiffness": 
 NAN, INFINITE = float("nan"), float("inf")
 
 
+def rubs(**given):
+    """Make a contact with friction between two nodes."""
+    law, fixed, load = ["friction", "tangent"], [[1, 1], [0, 0]], [[0, 0], [0, -1]]
+    return latinpc.Structure([[0, 0], [0, 1]], [[0, 1]] * 2, law, 0.0, fixed=fixed, load=load, **given)
+
+
 def square(**changes):
     return latinpc.Structure(**{**SQUARE, **changes})
 
@@ -123,6 +129,8 @@ CASES = {
         r"Link 0 is not part of a complete contact with friction",
         lambda: square(law=["tangent"] + 7 * ["bar"]),
     ),
+    "friction_direction": (r"start.* not orthogonal: .* direction=", lambda: rubs()),
+    "friction_none": (r"Link 0 has friction but no .* friction=", lambda: rubs(direction=[[0, 1], [1, 0]])),
     "no_link": (r"links must be an \(m, 2\) array of node numbers", lambda: square(links=np.zeros((0, 2), int))),
     "half_a_node": (r"links must be integers", lambda: square(links=LINKS + 0.5)),
     "four_dimensions": (r"nodes must be an \(n, dim\) array with dim 1, 2 or 3", lambda: square(nodes=np.ones((5, 4)))),

@@ -37,9 +37,11 @@ static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structu
   LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_WRONG,
              "Link %" PetscInt_FMT " is not part of a complete contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
              structure->links_start + bad, dim, dim - 1);
-  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not orthogonal: set the normal and the tangential ones with LatinStructureSetDirections()",
+  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG,
+             "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not orthogonal: set the normal and the tangential ones with LatinStructureSetDirections() (in Python, latinpc.Structure(..., direction=...))",
              structure->links_start + skew);
-  LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp()", structure->links_start + without);
+  LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp() (in Python, latinpc.Structure(..., friction=...))",
+             structure->links_start + without);
   PetscFunctionReturn(0);
 }
 
