@@ -96,7 +96,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     c.floor          = newton->floor;
     c.regularisation = firm[1] > 0.0 ? LATIN_CONVEX_REGULARISATION / firm[1] : 0.0;
     PetscCall(LatinConvexStart_Private(&c, &mean, &failed));
-    for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP; k++) {
+    for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &mean, &failed));
       newton->steps++;
       if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, mean, &left));
