@@ -26,6 +26,7 @@ typedef struct {
   const char      *prefix;     /* of options */
   PetscInt         subdomains; /* number of subdomains; 0: automatic */
   LatinPartitioner partitioner;
+  PetscBool        whole;   /* one subdomain, whatever partition the structure has */
   PetscBool        primal;  /* all interfaces are primal: one subdomain for each rank by default */
   PetscBool        corners; /* nodes of three or more subdomains are primal */
   PetscInt         links;   /* length of given[] on this rank */

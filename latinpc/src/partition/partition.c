@@ -215,7 +215,7 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRe
              structure->links_global);
   known = given ? 1 : 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &known, 1, MPIU_INT, MPI_MAX, comm));
-  if (!known) PetscCall(PetscObjectQuery((PetscObject)(structure->base ? structure->base->dm : structure->dm), "subdomains", (PetscObject *)&is));
+  if (!known && !request->whole) PetscCall(PetscObjectQuery((PetscObject)(structure->base ? structure->base->dm : structure->dm), "subdomains", (PetscObject *)&is));
   if (is) {
     known = 1;
     PetscCall(ISGetLocalSize(is, &links));
@@ -232,7 +232,12 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRe
   LatinAgree(comm, known && request->subdomains && request->subdomains != *count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", *count,
              request->subdomains);
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  request->choice = known ? "given" : request->subdomains ? "set by the user" : ranks == 1 ? "automatic, one factor is cheapest" : request->primal ? "automatic, one for each rank" : "automatic, of the cheapest size";
+  request->choice = known                 ? "given"
+                    : request->whole      ? "one factor, as those of subdomains differ"
+                    : request->subdomains ? "set by the user"
+                    : ranks == 1          ? "automatic, one factor is cheapest"
+                    : request->primal     ? "automatic, one for each rank"
+                                          : "automatic, of the cheapest size";
   PetscCall(PetscLogEventEnd(LATIN_Partition, structure, 0, 0, 0));
   PetscFunctionReturn(0);
 }

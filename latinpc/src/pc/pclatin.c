@@ -279,18 +279,24 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Copies the options of a SNES latin, subdomains, coarse space and search direction, to a PC latin with its own decomposition. Collective on pc */
+/*
+   Copies the options of a SNES latin, subdomains, coarse space and search direction, to a PC latin with its own decomposition. On one rank it has one subdomain:
+   its operators are tangent stiffnesses, and no two subdomains are equal any more. Collective on pc
+*/
 PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
 {
-  Latin own = ((PC_Latin *)pc->data)->latin;
+  Latin       own = ((PC_Latin *)pc->data)->latin;
+  PetscMPIInt ranks;
 
   PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &ranks));
   ((PC_Latin *)pc->data)->yields = PETSC_TRUE;
   PetscCall(LatinSetVariant(own, latin->variant));
   PetscCall(LatinSetModes(own, latin->macro.type, PETSC_DEFAULT));
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));
-  PetscCall(LatinSetSubdomains(own, latin->sub.count ? latin->sub.count : latin->partition.subdomains));
-  PetscCall(LatinSetPartition(own, latin->partition.links, latin->partition.given));
+  own->partition.whole = (PetscBool)(ranks == 1);
+  PetscCall(LatinSetSubdomains(own, ranks == 1 ? 1 : latin->sub.count ? latin->sub.count : latin->partition.subdomains));
+  PetscCall(LatinSetPartition(own, latin->partition.links, ranks == 1 ? NULL : latin->partition.given));
   PetscCall(LatinStructureAttachPC(latin->sub.structure, pc));
   PetscFunctionReturn(0);
 }

@@ -302,8 +302,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (claims || rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
