@@ -1,6 +1,7 @@
 """Nets and granulates: iterations against the number of subdomains, with and without coarse spaces; what helps.
 
-python benchmarks/granular.py                  writes results/granular.json and the tables of granular.md
+python benchmarks/granular.py                  writes results/granular.json and the first two tables of granular.md
+python benchmarks/granular.py chains           the default stop: with and without Newton's method
 python benchmarks/granular.py large            a net of 1e5 cables and packings of 1e5 contacts: five minutes
 python benchmarks/granular.py subdomains helps
 """
@@ -32,7 +33,7 @@ CASES = {
     "tensegrity, for comparison": ("tensegrity-grid", {"modules": 24}, (1, 4, 9, 16, 36, 64, 144)),
 }
 COARSE = {
-    "corners and affine fields": {},
+    "default": {},
     "corners and rigid motions": {"modes": "rigid"},
     "affine fields alone": {"variant": "none"},
 }
@@ -56,6 +57,18 @@ HELP = {
     "search parameter x 2": 2.0,
     "search parameter x 4": 4.0,
 }
+#: Scenes at the default stop
+CHAINS = {
+    f"{kind}, {side} a side": ("packing", {"side": side, **options})
+    for kind, options, sides in (
+        ("discs, rigid", {}, (20, 40, 80, 160)),
+        ("discs, elastic", {"law": "elastic"}, (20, 40, 80, 160)),
+        ("spheres, rigid", {"dim": 3}, (10, 20)),
+        ("spheres, elastic", {"dim": 3, "law": "elastic"}, (10, 20)),
+    )
+    for side in sides
+} | {f"net, inextensible, {side} a side": ("net", {"side": side}) for side in (30, 120)}
+WAYS = {"": {}, "alone, ": {"snes_latin_newton": "never"}}
 LARGE = {
     "net, inextensible": ("net", {"side": 225}),
     "discs, rigid": ("packing", {"side": 184}),
@@ -126,6 +139,21 @@ def helps():
     return table("iterations to 1e-4", HELP, names, cell)
 
 
+def chains():
+    """Iterations and seconds of the processor to the default stop, with and without Newton's method."""
+    found = {}
+    for name, (scene, options) in CHAINS.items():
+        made, found[name] = make(scene, **options), {}
+        found[name]["contacts"] = int(np.isin(made.law, UNILATERAL).sum())
+        for way, change in WAYS.items():
+            start = time.process_time()
+            report = solve(made, change).report
+            found[name][way + "iterations"] = report["iterations"] if report["converged"] else None
+            found[name][way + "cpu_seconds"] = time.process_time() - start
+        print(name, *found[name].values(), flush=True)
+    return found
+
+
 def one_large(name):
     """Solve one of the large structures: what is shown of it, with the processor's time of set-up and solve."""
     scene, options = LARGE[name]
@@ -175,7 +203,7 @@ def write(found):
     blocks = {"subdomains": [line for name, rows in found["subdomains"].items() for line in (*lines(name, rows), "")]}
     blocks |= {
         key: list(lines(title, found[key]))
-        for key, title in (("helps", "change"), ("large", "structure"))
+        for key, title in (("helps", "change"), ("chains", "structure"), ("large", "structure"))
         if key in found
     }
     for key, block in blocks.items():
@@ -192,7 +220,7 @@ def main():
         return
     path = run.RESULTS / "granular.json"
     found = json.loads(path.read_text()) if path.exists() else {}
-    parts = {"subdomains": subdomains, "helps": helps, "large": large}
+    parts = {"subdomains": subdomains, "helps": helps, "chains": chains, "large": large}
     for name in sys.argv[1:] or ("subdomains", "helps"):
         found[name] = parts[name]()
         path.write_text(json.dumps(found, indent=1) + "\n")
