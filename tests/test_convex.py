@@ -56,6 +56,25 @@ def test_chains_of_contacts_are_found(name):
     assert missed(scene, result.u, result.tensions) < 1e-5
 
 
+@pytest.mark.parametrize("contrast", [1e2, 1e4])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_spheres_of_different_stiffness_beside_rigid_ones(contrast, seed):
+    """Open contacts are no mechanism to the factorisation, however stiff the closed rigid ones are."""
+    scene = make("packing", side=9, dim=3, law="elastic")
+    random = np.random.default_rng(seed)
+    rigid = random.random(len(scene.links)) < 0.5
+    stiffness = scene.stiffness * contrast ** random.random(len(scene.links))
+    scene = replace(
+        scene,
+        law=np.where(rigid, Law.CONTACT, Law.COMPRESSION_ONLY),
+        stiffness=np.where(rigid, 0.0, stiffness),
+    )
+    result = solve(scene, error=1e-6)
+    assert result.reason > 0
+    assert result.iterations < 400
+    assert missed(scene, result.u, result.tensions) < 1e-6
+
+
 @pytest.mark.parametrize("law", ["elastic", "contact"])
 def test_the_iteration_alone_takes_far_longer(law):
     scene = make("packing", side=40, law=law)

@@ -10,6 +10,7 @@
 
 #define LATIN_CONVEX_STEPS          100                           /* most steps */
 #define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-5, 1e-3)  /* compliance of rigid links, relative to that of their search parameters */
+#define LATIN_CONVEX_FLOOR          (3.0 * LATIN_MECHANISM)       /* stiffness of a link after a failed solve, relative to the greatest that a rigid one can have: less is a mechanism to the factorisation */
 #define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* sum of the products s y relative to the work of tensions and loads, and unbalance relative to the initial one: small enough */
 
 /* Initial point: all links are bars of weights W; bounds and elongations of either sign are drawn to the mean size of their kind. Collective */
@@ -77,7 +78,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
   const LatinStructure structure = newton->structure;
   LatinPrimalDual      c         = {.structure = structure};
   PetscBool            failed    = PETSC_FALSE;
-  PetscReal            mean, left = PETSC_MAX_REAL, firm[2] = {0.0, 0.0};
+  PetscReal            mean, left = PETSC_MAX_REAL, firm[2] = {0.0, 0.0}, most;
 
   PetscFunctionBegin;
   PetscCall(SNESGetKSP(newton->snes, &c.ksp));
@@ -95,11 +96,15 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     PetscCall(MPIU_Allreduce(&firm[0], &firm[1], 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
     c.floor          = newton->floor;
     c.regularisation = firm[1] > 0.0 ? LATIN_CONVEX_REGULARISATION / firm[1] : 0.0;
+    most             = firm[1] / LATIN_CONVEX_REGULARISATION; /* the greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
     PetscCall(LatinConvexStart_Private(&c, &mean, &failed));
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &mean, &failed));
       newton->steps++;
-      if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, mean, &left));
+      if (failed && c.floor < LATIN_CONVEX_FLOOR * most) {
+        c.floor = LATIN_CONVEX_FLOOR * most;
+        failed  = PETSC_FALSE;
+      } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, mean, &left));
     }
     newton->stages += c.stages;
     newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
