@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 from support import far, latin, solve
+from test_collapse import borne
 
 from latinpc.bench.extremes.conditions import missed
 from latinpc.scenes import Law, make
@@ -73,6 +74,11 @@ def test_spheres_of_different_stiffness_beside_rigid_ones(contrast, seed):
     assert result.reason > 0
     assert result.iterations < 400
     assert missed(scene, result.u, result.tensions) < 1e-6
+
+
+def test_networks_next_to_their_limit_load():
+    """Half of the cables bear nothing: Newton's method alone finds none, and full steps leave the guess of some."""
+    assert sum(solve(borne(seed, 1.0)).reason > 0 for seed in range(8)) >= 7
 
 
 @pytest.mark.parametrize("law", ["elastic", "contact"])

@@ -330,7 +330,7 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays. Fails instead if there is no energy */
+/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays; nor from the end of the interior-point method. Fails instead if there is no energy */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -350,7 +350,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
     PetscFunctionReturn(0);
   }
   PetscCall(VecDot(f, step, &before));
-  if (LatinMultipliersEnergy(newton) && (newton->own_laws || done >= LATIN_NEWTON_FULL)) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
+  if (LatinMultipliersEnergy(newton) && (newton->own_laws || newton->near || done >= LATIN_NEWTON_FULL)) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* its norm is that of the shortened step */
   PetscCall(SNESLineSearchSetLambda(search, length));
@@ -453,7 +453,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   newton->left              = 0.0;
   newton->safety            = 1.0;
   newton->tensions          = -1.0;
-  newton->collapse_searched = newton->held = PETSC_FALSE;
+  newton->collapse_searched = newton->held = newton->near = PETSC_FALSE;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
@@ -474,6 +474,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   if (*reason < 0) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   if (newton->held) {
     newton->held = PETSC_FALSE;
+    newton->near = (PetscBool)!newton->structure->penalty;
     PetscCall(LatinNewtonConvex_Private(newton, snes->vec_rhs, u));
     PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   }

@@ -77,6 +77,7 @@ typedef struct {
   PetscInt         stagnant;          /* consecutive steps with a stagnant line search */
   PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
   PetscBool        held;              /* it has shown that the loads are borne */
+  PetscBool        near;              /* the initial guess is next to the solution: full steps may leave it. With rigid links three of 190 packings and nets are lost by a search at once */
   LatinEquilibrium found;             /* its verdict; without an equilibrium the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension, *bound;
