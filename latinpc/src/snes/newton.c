@@ -471,7 +471,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
     newton->own_laws = own_laws;
   }
   if (own_laws) PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
-  if (*reason < 0) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
+  if (*reason < 0 && newton->found.verdict != LATIN_JAMMED) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   if (newton->held) {
     newton->held = PETSC_FALSE;
     newton->near = (PetscBool)!newton->structure->penalty;
