@@ -1,4 +1,4 @@
-"""Contacts that open and cables that slacken in chains: an interior-point method leads Newton's to the solution."""
+"""Contacts that open and cables that slacken in chains: an interior-point method gives Newton's method its start."""
 
 from dataclasses import replace
 from pathlib import Path
