@@ -63,8 +63,10 @@ CHAINS = {
     for kind, options, sides in (
         ("discs, rigid", {}, (20, 40, 80, 160)),
         ("discs, elastic", {"law": "elastic"}, (20, 40, 80, 160)),
+        ("discs, friction", {"law": "friction"}, (20, 40)),
         ("spheres, rigid", {"dim": 3}, (10, 20)),
         ("spheres, elastic", {"dim": 3, "law": "elastic"}, (10, 20)),
+        ("spheres, friction", {"dim": 3, "law": "friction"}, (10, 16)),
     )
     for side in sides
 } | {f"net, inextensible, {side} a side": ("net", {"side": side}) for side in (30, 120)}

@@ -19,7 +19,7 @@ OPTIONS = (
     "geometry", "warm_start", "newton",
 )  # fmt: skip
 FAMILIES = {"snes": OPTIONS, "ksp": OPTIONS, "pc": OPTIONS, "ts": ("monitor",)}
-INNER_PREFIXES = ("mat_partitioning_", "local_", "interior_", "coarse_", "outer_", "newton_")
+INNER_PREFIXES = ("mat_partitioning_", "local_", "interior_", "coarse_", "outer_", "newton_", "friction_")
 
 
 @contextlib.contextmanager

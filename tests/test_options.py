@@ -24,6 +24,14 @@ HELP_OF = {
             "-ksp_type", "latin", "-help"],
     "ts": ["impact-grid", "--modules", "4", "--num-steps", "1", "-help"],
 }  # fmt: skip
+RUBS = [
+    "packing",
+    "--side",
+    "10",
+    "--law",
+    "friction",
+    "-help",
+]  # the same family: its solver is made where it is needed
 ROW = re.compile(r"^\| `-((?:snes|ksp|pc|ts|latin)_\w+?)(\*?)` \|([^|]*)\|([^|]*)\|([^|]*)\|([^|]*)\|$", re.MULTILINE)
 LINE = re.compile(r"^ +-(\w+):? ?(?:<(?:now )?(.*?) : (?:formerly )?(.*?)>)?:? ?(.*)$")
 
@@ -46,7 +54,8 @@ def described(request):
     """For a family of options: rows and prefixes of the tables, and what -help prints: key -> (default, rest)."""
     family = request.param
     printed = {}
-    for line in run([*COMMAND, *HELP_OF[family]]).stdout.splitlines():
+    scenes = (HELP_OF[family], RUBS) if family == "snes" else (HELP_OF[family],)
+    for line in "".join(run([*COMMAND, *scene]).stdout for scene in scenes).splitlines():
         match = LINE.match(line)
         if match:
             now, before, rest = match.groups()[1:]

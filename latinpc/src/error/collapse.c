@@ -28,7 +28,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinPrimalDual *c, PetscBool *
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(c->w, c->n));
-  PetscCall(LatinPrimalDualOperator_Private(c));
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
   PetscCall(LatinPrimalDualSolve_Private(c, c->f, failed));
   PetscCall(VecDot(c->f, c->dd, &work));
   if (!(PetscRealPart(work) > 0.0)) *failed = PETSC_TRUE;
@@ -81,7 +81,7 @@ static PetscErrorCode LatinCollapseProof_Private(LatinPrimalDual *c, PetscInt st
 }
 
 /* Interior-point steps to a proof or an equilibrium. bears: NULL, or [n], set to statically admissible tensions if *held. Collective */
-static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
+static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
 {
   PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
   PetscReal mean;
@@ -90,7 +90,7 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscReal bea
   c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
   mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
-  for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !*held;) {
+  for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && c->stages < most && !failed && !proof && !*held;) {
     PetscCall(LatinPrimalDualIterate_Private(c, &mean, &failed));
     ++*steps;
     if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
@@ -103,11 +103,11 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscReal bea
 
 /*
    Sets the verdict LATIN_UNBOUNDED if it proves that there is no equilibrium; else *found is unchanged. `ksp` solves with A, a tangent
-   stiffness of LatinTangentCreate_Private(), whose values it overwrites. `more`: an additional load, or NULL. *steps and *stages: number of
+   stiffness of LatinTangentCreate_Private(), whose values it overwrites. `more`: an additional load, or NULL; most: linear iterations. *steps and *stages: number of
    factorisations and of linear iterations. *held: statically admissible tensions exist; bears: NULL, or [links_local], these tensions, of links that do not yield.
    Collective on structure
 */
-PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscInt most, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)
 {
   LatinPrimalDual c = {.structure = structure, .ksp = ksp, .A = A, .reference = 1.0};
 
@@ -116,7 +116,7 @@ PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ks
   *held            = PETSC_FALSE;
   if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a time step always has a solution; contacts with friction have no energy, see LatinConesCreate_Private() */
   PetscCall(LatinPrimalDualCreate_Private(&c, more));
-  if (c.count > 0.0) PetscCall(LatinCollapseRun_Private(&c, bears, steps, held, found));
+  if (c.count > 0.0) PetscCall(LatinCollapseRun_Private(&c, most, bears, steps, held, found));
   *stages = c.stages;
   PetscCall(LatinPrimalDualDestroy_Private(&c));
   PetscFunctionReturn(0);

@@ -162,27 +162,48 @@ typedef struct {
   PetscReal ds, rhs;
 } LatinBound;
 
+/* A contact with friction: S, its steps, and the parts of its tangent stiffness (error/slip.c) */
+typedef struct {
+  PetscInt  link;        /* its normal part */
+  PetscReal S[3], dS[3]; /* rate of slip, minus the tangential elongations */
+  PetscReal rhs, h[2];   /* of X o S; of M */
+  PetscReal inverse[4], P[4], z[2];
+} LatinSlip;
+
 typedef struct {
   LatinStructure structure;
   KSP            ksp;
-  Mat            A;              /* B^t (R + W) B */
+  Mat            A;              /* B^t (R + W) B; with friction assembled, and not symmetric */
   Vec            f, d;           /* loads; displacements */
   Vec            r, dd;          /* unbalance; step of d */
   PetscInt       n;              /* links here */
-  PetscReal      count;          /* finite bounds, on all ranks */
+  PetscReal      count;          /* finite bounds, and contacts that may slip, on all ranks */
   PetscReal      links;          /* all links, on all ranks */
   PetscReal      scale;          /* of the loads */
   PetscReal      reference;      /* R */
   PetscReal      regularisation; /* initial compliance of a link that resists, besides c */
   PetscReal      floor;          /* least W in A */
   PetscReal      unbalance;      /* relative to the initial one */
+  PetscReal      length;         /* of the last step */
+  PetscReal      least;          /* mean product that steps aim at, at least */
+  PetscReal      inside;         /* mean energy of unilateral links at the initial point: tensions y and elongations s are that far inside */
+  PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
+  PetscInt       lifts;   /* of the point, see snes/coulomb.c */
   PetscReal     *x, *dx;  /* [n] elongations, their steps */
   PetscReal     *t, *dt;  /* [n] tensions */
   PetscReal     *w, *rhs; /* [n] weights of links; work */
   PetscReal     *give;    /* [n] c */
   LatinBound (*side)[2];  /* [n] */
+  PetscInt   slips;       /* contacts with friction here */
+  LatinSlip *slip;        /* [slips] */
 } LatinPrimalDual;
+
+/* Does link l follow a table or a law of the user, linearised in each step? With friction alone: else the tensions at which links yield are bounds */
+static inline PetscBool LatinPrimalDualFollows(const LatinPrimalDual *c, PetscInt l)
+{
+  return (PetscBool)(c->structure->rubs && c->structure->law[l] > LATIN_LAW_TANGENT);
+}
 
 static inline PetscReal LatinBoundSign(PetscInt side)
 {
@@ -198,8 +219,18 @@ static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, Pet
 PETSC_INTERN PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *, Vec more);
 PETSC_INTERN PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *, Vec b, PetscBool *failed);
-PETSC_INTERN PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *);
+PETSC_INTERN PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *, PetscBool slips);
+PETSC_INTERN PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
+PETSC_INTERN PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsStart(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsWeights(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsBegin(LatinPrimalDual *, PetscBool corrects, PetscReal mean, PetscReal step[]);
+PETSC_INTERN void           LatinSlipsEnd(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsLength(const LatinPrimalDual *, PetscReal *length);
+PETSC_INTERN PetscReal      LatinSlipsProducts(const LatinPrimalDual *, PetscReal length);
+PETSC_INTERN void           LatinSlipsMove(LatinPrimalDual *, PetscReal length);
+PETSC_INTERN PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *, Mat);
 
 /* Active-set method of error/cone.c: n unknowns, a basis of links */
 enum { LATIN_CONE_SLACK, LATIN_CONE_BASIS, LATIN_CONE_SPANNED };
@@ -215,7 +246,7 @@ typedef struct {
 } LatinCone;
 PETSC_INTERN void LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
 
-PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt most, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure, Vec more, LatinEquilibrium *);
 

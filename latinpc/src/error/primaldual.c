@@ -12,17 +12,21 @@
 */
 
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
+#define LATIN_PRIMAL_DUAL_POWER  3     /* of the reduction of the mean product by the predictor step: the corrector step aims at it */
+#define LATIN_SLIP_LENGTH        0.9   /* the same with friction, where the path bends */
+#define LATIN_SLIP_POWER         1
 
-/* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number. Collective */
+/* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number, with contacts that may slip. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
 {
-  PetscReal sum[2] = {0.0, 0.0};
+  PetscReal sum[2] = {(PetscReal)c->slips, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    PetscReal bound[2];
+    PetscReal bound[2] = {0.0, 0.0}; /* of the tangential parts of contacts, see error/slip.c */
 
-    LatinLinkBounds(c->structure, l, bound);
+    if (LatinPrimalDualFollows(c, l)) bound[0] = -(bound[1] = INFINITY);
+    else if (c->structure->law[l] != LATIN_LAW_TANGENT) LatinLinkBounds(c->structure, l, bound);
     c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
     for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
     for (PetscInt i = 0; i < 2; i++) sum[0] += LatinBoundAt(c, l, i) ? 1.0 : 0.0;
@@ -47,6 +51,7 @@ PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *c, Vec more)
   PetscCall(DMGetGlobalVector(dm, &c->d));
   PetscCall(DMGetGlobalVector(dm, &c->r));
   PetscCall(DMGetGlobalVector(dm, &c->dd));
+  PetscCall(LatinSlipsCreate_Private(c));
   PetscCall(LatinPrimalDualBounds_Private(c));
   PetscCall(VecCopy(c->structure->load, c->f));
   if (more) PetscCall(VecAXPY(c->f, 1.0, more));
@@ -66,6 +71,7 @@ PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *c)
   PetscCall(DMRestoreGlobalVector(dm, &c->d));
   PetscCall(DMRestoreGlobalVector(dm, &c->f));
   PetscCall(PetscFree(c->give));
+  PetscCall(PetscFree(c->slip));
   PetscCall(PetscFree7(c->x, c->dx, c->t, c->dt, c->w, c->rhs, c->side));
   PetscFunctionReturn(0);
 }
@@ -77,6 +83,8 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscInt           stages;
 
   PetscFunctionBegin;
+  if (c->singular) *failed = PETSC_TRUE;
+  if (c->singular) PetscFunctionReturn(0);
   PetscCall(KSPSolve(c->ksp, b, c->dd));
   PetscCall(KSPGetConvergedReason(c->ksp, &reason));
   PetscCall(KSPGetIterationNumber(c->ksp, &stages));
@@ -85,18 +93,26 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* Assembles A = B^t (R + W) B; the next solve factors it. Collective */
-PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c)
+/* Sets A = B^t (R + W) B, which the next solve factors. With friction it is assembled, and factored here; slips: with the tangent stiffnesses of contacts. Collective */
+PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool slips)
 {
+  LatinFactorStatus status = {.ierr = 0};
+
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = c->reference + PetscMax(c->w[l], c->floor);
-  PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
+  if (c->structure->rubs) {
+    PetscCall(MatZeroEntries(c->A));
+    if (slips) PetscCall(LatinSlipsAdd_Private(c, c->A));
+    PetscCall(LatinStructureAssemble_Private(c->structure, c->rhs, c->A));
+  } else PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
+  if (c->structure->rubs) PetscCall(LatinFactorTry_Private(c->ksp, c->A, &status));
+  c->singular = LatinFactorFailed(&status);
   PetscFunctionReturn(0);
 }
 
 /* x = B d + e0 - c t; B d alone where stiffnesses do not matter. Collective */
-static PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *c)
+PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *c)
 {
   PetscFunctionBegin;
   if (c->reference > 0.0) PetscCall(LatinStructureElongations_Private(c->structure, NULL, c->d, c->x));
@@ -120,8 +136,9 @@ static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool 
       at->rhs = corrects ? LatinBoundSign(i) * at->ds * c->dt[l] - mean : 0.0;
       x -= LatinBoundSign(i) * at->rhs / at->y;
     }
-    c->dx[l] = c->w[l] * x;
+    c->dx[l] = LatinPrimalDualFollows(c, l) ? LatinStructureTension(c->structure, NULL, l, c->x[l]) - c->t[l] : c->w[l] * x;
   }
+  LatinSlipsBegin(c, corrects, mean, c->dx);
   PetscCall(PetscArraycpy(c->dt, c->dx, c->n));
   for (PetscInt l = 0; l < c->n; l++) c->dx[l] += c->reference * c->x[l] + c->t[l];
   PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, NULL, c->r));
@@ -136,6 +153,7 @@ static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool 
       if (at) at->ds = -at->s - (at->rhs + LatinBoundSign(i) * at->s * c->dt[l]) / at->y;
     }
   }
+  LatinSlipsEnd(c);
   PetscFunctionReturn(0);
 }
 
@@ -143,7 +161,7 @@ static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool 
 static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscReal back, PetscReal *length, PetscReal *mean)
 {
   const MPI_Comm comm = PetscObjectComm((PetscObject)c->structure);
-  PetscReal      sum  = 0.0;
+  PetscReal      sum;
 
   PetscFunctionBegin;
   *length = 1.0 / back;
@@ -154,8 +172,10 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
     if (at && at->ds < 0.0) *length = PetscMin(*length, -at->s / at->ds);
     if (at && dy < 0.0) *length = PetscMin(*length, -at->y / dy);
   }
+  LatinSlipsLength(c, length);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, comm));
   *length *= back;
+  sum = LatinSlipsProducts(c, *length);
   for (PetscInt k = 0; k < 2 * c->n; k++) {
     const LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
 
@@ -169,7 +189,8 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
 /* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
 PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
 {
-  PetscReal length, after;
+  const PetscInt power = c->structure->rubs && c->lifts % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
+  PetscReal      length, after;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
@@ -177,14 +198,17 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscReal *mea
 
     for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
     c->w[l] = c->side[l][0].bound == c->side[l][1].bound ? 0.0 : 1.0 / give; /* a tension that is constant */
+    if (LatinPrimalDualFollows(c, l)) c->w[l] = LatinStructureTangent(c->structure, l, c->x[l]);
   }
-  PetscCall(LatinPrimalDualOperator_Private(c));
+  LatinSlipsWeights(c);
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_TRUE));
   PetscCall(LatinPrimalDualStep_Private(c, PETSC_FALSE, 0.0, failed));
   if (*failed) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length, &after));
-  PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, *mean * PetscPowRealInt(after / *mean, 3), failed));
+  PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, PetscMax(c->least, *mean * PetscPowRealInt(PetscMin(1.0, after / *mean), power)), failed));
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(LatinPrimalDualLength_Private(c, LATIN_PRIMAL_DUAL_LENGTH, &length, mean));
+  PetscCall(LatinPrimalDualLength_Private(c, c->structure->rubs ? LATIN_SLIP_LENGTH : LATIN_PRIMAL_DUAL_LENGTH, &length, mean));
+  c->length = length;
   PetscCall(VecAXPY(c->d, length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] += length * c->dt[l];
@@ -196,6 +220,7 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscReal *mea
       at->y += length * LatinBoundSign(i) * c->dt[l];
     }
   }
+  LatinSlipsMove(c, length);
   c->unbalance *= 1.0 - length;
   PetscCall(LatinPrimalDualElongations_Private(c));
   PetscFunctionReturn(0);

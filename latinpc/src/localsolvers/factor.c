@@ -48,6 +48,24 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscFunctionReturn(0);
 }
 
+/* Sets LU with pivots, by the first package that PETSc has for A; else its own, which on several ranks factors the whole matrix on each */
+PetscErrorCode LatinDirectLU_Private(PC pc, Mat A)
+{
+  const MatSolverType candidates[] = {MATSOLVERMUMPS, MATSOLVERUMFPACK, MATSOLVERKLU, MATSOLVERSUPERLU};
+  PetscMPIInt         size;
+  PetscBool           found = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(PCSetType(pc, PCLU));
+  for (PetscInt i = 0; i < 4 && !found; i++) {
+    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_LU, &found));
+    if (found) PetscCall(PCFactorSetMatSolverType(pc, candidates[i]));
+  }
+  if (!found && size > 1) PetscCall(PCSetType(pc, PCREDUNDANT));
+  PetscFunctionReturn(0);
+}
+
 /* Creates a dense matrix for right-hand sides or solutions of KSPMatSolve() */
 PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
 {
@@ -133,8 +151,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
   PetscReal    largest;
   PetscScalar *a;
   PetscInt     n;
-  PetscBool    found, other;
-  PetscMPIInt  size;
+  PetscBool    other;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)A, &other, MATMPISBAIJ, MATMPIDENSE, MATIS, ""));
@@ -157,11 +174,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
   PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* no user option shall match */
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
-  /* LU: the copy may still be indefinite */
-  PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_LU, &found));
-  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
-  PetscCall(PCSetType(pc, found || size == 1 ? PCLU : PCREDUNDANT));
-  if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  PetscCall(LatinDirectLU_Private(pc, shifted)); /* the copy may still be indefinite */
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
   PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_INVERSE_STEPS, PETSC_MAX_REAL, v, stiffness));
@@ -186,18 +199,22 @@ static PetscErrorCode LatinSoftestFailed_Private(Mat A, IS kept, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* Factors A. With MUMPS in parallel, the work space is increased until it is sufficient. Collective on A */
-static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
+/* Factors A. With MUMPS in parallel, or with its pivots, the work space is increased until it is sufficient. Collective on A */
+PetscErrorCode LatinFactorTry_Private(KSP ksp, Mat A, LatinFactorStatus *status)
 {
+  PC          pc;
   PetscMPIInt size;
-  PetscBool   direct;
+  PetscBool   direct, pivots;
   Mat         factor = NULL;
 
   PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, ""));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLU, &pivots));
+  direct = (PetscBool)(pivots || (direct && size > 1));
   for (PetscInt room = LATIN_ROOM; room <= LATIN_ROOM_MOST; room *= 4) {
-    if (direct && size > 1) {
+    if (direct) {
       PetscCall(PCFactorSetUpMatSolverType(pc));
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
@@ -207,7 +224,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
     PetscCall(PetscPopErrorHandler());
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* other ranks may still factor a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
-    if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
+    if (status->failed != PC_FACTOR_OUTMEMORY || !direct) break;
     PetscCall(PCReset(pc));
     PetscCall(KSPSetOperators(ksp, A, A));
   }
@@ -321,7 +338,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const Lat
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
   status->rounding = 0.0;
-  PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
+  PetscCall(LatinFactorTry_Private(ksp, A, status));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);

@@ -35,6 +35,8 @@ typedef struct {
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
+PETSC_INTERN PetscErrorCode LatinDirectLU_Private(PC, Mat);
+PETSC_INTERN PetscErrorCode LatinFactorTry_Private(KSP, Mat, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, Vec whole, const LatinArithmetic *larger, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinFactorRefine_Private(KSP, Mat, IS kept, LatinArithmetic, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);

@@ -252,7 +252,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (SNESLatinStalls(data, stalled, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
   if (*next == LATIN_NEXT_CONTINUE && (SNESLatinStagesLeft(snes) <= 0 || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
-  if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinGrains_Private(snes, stalled, next));
+  if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinGrains_Private(snes, next));
   PetscFunctionReturn(0);
 }
 

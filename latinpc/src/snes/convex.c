@@ -13,13 +13,35 @@
 #define LATIN_CONVEX_FLOOR          (3.0 * LATIN_MECHANISM)       /* stiffness of a link after a failed solve, relative to the greatest that a rigid one can have: less is a mechanism to the factorisation */
 #define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* sum of the products s y relative to the work of tensions and loads, and unbalance relative to the initial one: small enough */
 
-/* Initial point: all links are bars of weights W; bounds and elongations of either sign are drawn to the mean size of their kind. Collective */
-static PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
+/* Weights W of the initial point, and compliances; *firm: the greatest search parameter of a rigid link, 0: none. Collective */
+PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal *firm)
 {
-  PetscReal sum[3] = {0.0, 0.0, 0.0}; /* squares of tensions and elongations of unilateral links; products s y */
+  PetscReal most = 0.0;
 
   PetscFunctionBegin;
-  PetscCall(LatinPrimalDualOperator_Private(c));
+  for (PetscInt l = 0; l < c->n; l++) {
+    const PetscBool rigid = LatinLaws[c->structure->law[l]].rigid;
+
+    c->w[l]    = stiffness[l];
+    c->give[l] = rigid || LatinPrimalDualFollows(c, l) ? 0.0 : 1.0 / c->w[l];
+    most       = PetscMax(most, rigid ? c->w[l] : 0.0);
+  }
+  PetscCall(MPIU_Allreduce(&most, firm, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)c->structure)));
+  c->regularisation = *firm > 0.0 ? LATIN_CONVEX_REGULARISATION / *firm : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Initial point: all links are bars of weights W; tensions y and elongations s at bounds are at least those of their mean energy, which makes
+   the point the same in any units and for any contrast of stiffnesses. Collective
+*/
+PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
+{
+  PetscReal sum[2] = {0.0, 0.0}; /* energies of unilateral links; products s y */
+
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(c->d));
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
   PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
   for (PetscInt l = 0; l < c->n; l++) c->t[l] = c->w[l] * c->x[l];
   PetscCall(LatinStructureForces_Private(c->structure, c->t, c->d, NULL, c->r));
@@ -28,25 +50,26 @@ static PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *me
   PetscCall(VecCopy(c->dd, c->d));
   PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
   for (PetscInt l = 0; l < c->n; l++) {
-    c->t[l] = c->w[l] * c->x[l];
-    if (!LatinBoundAt(c, l, 0) && !LatinBoundAt(c, l, 1)) continue;
-    sum[0] += PetscSqr(c->t[l]);
-    sum[1] += PetscSqr(c->x[l]);
+    c->t[l] = c->structure->law[l] == LATIN_LAW_TANGENT ? 0.0 : c->w[l] * c->x[l];
+    if (LatinBoundAt(c, l, 0) || LatinBoundAt(c, l, 1)) sum[0] += c->w[l] * PetscSqr(c->x[l]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  for (PetscInt k = 0; k < 2; k++) sum[k] = PetscSqrtReal(sum[k] / c->count);
-  if (!(sum[0] > 0.0) || !(sum[1] > 0.0)) *failed = PETSC_TRUE;
+  PetscCall(MPIU_Allreduce(&sum[0], &c->inside, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  c->inside /= c->count;
+  if (!(c->inside > 0.0)) *failed = PETSC_TRUE;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
-    const PetscInt l = k / 2, sign = (PetscInt)LatinBoundSign(k % 2);
-    LatinBound    *at = LatinBoundAt(c, l, k % 2);
+    const PetscInt  l = k / 2, sign = (PetscInt)LatinBoundSign(k % 2);
+    const PetscReal least = PetscSqrtReal(c->inside / c->w[l]);
+    LatinBound     *at    = LatinBoundAt(c, l, k % 2);
 
     if (!at) continue;
-    at->y   = PetscMax(sign * c->t[l], sum[0]);
-    at->s   = PetscMax(-sign * c->x[l], sum[1]);
+    at->y   = PetscMax(sign * c->t[l], c->w[l] * least);
+    at->s   = PetscMax(-sign * c->x[l], least);
     c->t[l] = sign * at->y;
-    sum[2] += at->y * at->s;
+    sum[1] += at->y * at->s;
   }
-  PetscCall(MPIU_Allreduce(&sum[2], mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  LatinSlipsStart(c);
+  sum[1] += LatinSlipsProducts(c, 0.0);
+  PetscCall(MPIU_Allreduce(&sum[1], mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   *mean /= c->count;
   c->unbalance = 1.0;
   for (PetscInt l = 0; l < c->n; l++) c->x[l] -= c->give[l] * c->t[l];
@@ -65,7 +88,7 @@ static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step,
   PetscCall(VecDot(c->f, c->d, &push));
   work += PetscAbsScalar(push);
   *left = PetscMax(mean * c->count / work, c->unbalance);
-  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT ": products %g of the work, unbalance %g\n", step, (double)(mean * c->count / work), (double)c->unbalance));
+  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT " of length %g: products %g of the work, unbalance %g\n", step, (double)c->length, (double)(mean * c->count / work), (double)c->unbalance));
   PetscFunctionReturn(0);
 }
 
@@ -78,7 +101,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
   const LatinStructure structure = newton->structure;
   LatinPrimalDual      c         = {.structure = structure};
   PetscBool            failed    = PETSC_FALSE;
-  PetscReal            mean, left = PETSC_MAX_REAL, firm[2] = {0.0, 0.0}, most;
+  PetscReal            mean, left = PETSC_MAX_REAL, firm, most;
 
   PetscFunctionBegin;
   PetscCall(SNESGetKSP(newton->snes, &c.ksp));
@@ -86,17 +109,9 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
   if (c.count > 0.0) {
     PetscCall(SNESGetJacobian(newton->snes, &c.A, NULL, NULL, NULL));
     PetscCall(KSPSetTolerances(c.ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-    for (PetscInt l = 0; l < c.n; l++) {
-      const PetscBool rigid = LatinLaws[structure->law[l]].rigid;
-
-      c.w[l]    = newton->latin->sub.link_stiffness[l];
-      c.give[l] = rigid ? 0.0 : 1.0 / c.w[l];
-      firm[0]   = PetscMax(firm[0], rigid ? c.w[l] : 0.0);
-    }
-    PetscCall(MPIU_Allreduce(&firm[0], &firm[1], 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-    c.floor          = newton->floor;
-    c.regularisation = firm[1] > 0.0 ? LATIN_CONVEX_REGULARISATION / firm[1] : 0.0;
-    most             = firm[1] / LATIN_CONVEX_REGULARISATION; /* the greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
+    PetscCall(LatinConvexWeights_Private(&c, newton->latin->sub.link_stiffness, &firm));
+    c.floor = newton->floor;
+    most    = firm / LATIN_CONVEX_REGULARISATION; /* the greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
     PetscCall(LatinConvexStart_Private(&c, &mean, &failed));
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &mean, &failed));

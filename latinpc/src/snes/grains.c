@@ -1,8 +1,7 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Grains: structures of rigid links alone, with friction. They have no tangent stiffness for Newton's method. But if all gaps are closed as
-   drawn, statically admissible tensions inside the friction cones are a solution: nothing moves, so that no contact slips. Without
+   Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the friction cones are a solution: nothing moves, so that no contact slips. Without
    such tensions the structure collapses (structure/frictioncones.c).
 */
 
@@ -81,25 +80,21 @@ static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bea
 }
 
 /*
-   Structures with friction: searches for tensions inside the friction cones, at most once a solve: after a failure, after a collapse of
-   grains, or on a stall of grains with all gaps closed. *next becomes LATIN_NEXT_DIVERGED without equilibrium, or
-   LATIN_NEXT_CONVERGED if the tensions are a solution at zero displacements. Collective on snes
+   Structures with friction: searches for tensions inside the friction cones, once a solve. *next becomes LATIN_NEXT_DIVERGED without
+   equilibrium, or LATIN_NEXT_CONVERGED if the tensions are a solution at zero displacements; else it is unchanged. Collective on snes
 */
-PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *next)
+PetscErrorCode SNESLatinAdmissible_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
-  const PetscBool      grains    = (PetscBool)(data->newton.grains && *next == LATIN_NEXT_CONTINUE);
-  PetscBool            due = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST)), held, closed = PETSC_FALSE;
+  PetscBool            held, closed = PETSC_FALSE;
   PetscReal           *bears;
 
   PetscFunctionBegin;
-  if (!structure->rubs || structure->ground || data->newton.type == LATIN_NEWTON_NEVER || data->newton.collapse_searched || !(grains || due)) PetscFunctionReturn(0);
-  if (data->newton.grains) PetscCall(LatinGrainsClosed_Private(structure, &closed));
-  if (grains && stalled && closed) due = PETSC_TRUE;
-  if (!due && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &due));
-  if (!due) PetscFunctionReturn(0);
+  if (structure->ground || data->newton.collapse_searched) PetscFunctionReturn(0);
+  data->newton.limit             = SNESLatinStageLimit(snes) - data->latin->linear.applications;
   data->newton.collapse_searched = PETSC_TRUE;
+  if (data->newton.grains) PetscCall(LatinGrainsClosed_Private(structure, &closed));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &bears));
   PetscCall(LatinNewtonCones_Private(data->latin, &data->newton, snes->vec_rhs, bears, &held));
   if (held && closed) PetscCall(LatinGrainsHold_Private(structure, data->target, bears, &held));
@@ -108,5 +103,19 @@ PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *
     *next       = LATIN_NEXT_DIVERGED;
   } else if (held && closed && SNESLatinEstimates(data)) PetscCall(SNESLatinGrainsRest_Private(snes, bears, next));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &bears));
+  PetscFunctionReturn(0);
+}
+
+/* Structures with friction: the same at the end of a solve that has failed, or if grains have collapsed. Collective on snes */
+PetscErrorCode SNESLatinGrains_Private(SNES snes, LatinNext *next)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  PetscBool            due       = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST));
+
+  PetscFunctionBegin;
+  if (!structure->rubs || data->newton.type == LATIN_NEWTON_NEVER || data->newton.collapse_searched) PetscFunctionReturn(0);
+  if (data->newton.grains && *next == LATIN_NEXT_CONTINUE && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &due));
+  if (due) PetscCall(SNESLatinAdmissible_Private(snes, next));
   PetscFunctionReturn(0);
 }

@@ -6,10 +6,7 @@
    multiplier lambda. Newton's method solves for the displacements with fixed multipliers; the tensions of the springs are the next
    multipliers. At the solution lambda is the tension and x the gap, for any r. The larger r relative to the stiffness around the link, the
    fewer updates. With incompatible gaps (jammed links) the tensions grow without bound.
-
-   Contacts with friction start from lambda = 0: the tensions of a diverged iterate lie outside the friction cone. Coulomb friction
-   has no energy, and full Newton steps may diverge. They start from the solution of problems with an energy, see
-   LatinMultipliersCoulomb_Private() and structure/frictionsprings.c.
+   With friction there is no energy, and another method: snes/coulomb.c.
 */
 
 #define LATIN_PENALTY          1e3  /* initial penalty, relative to the search parameter of the link */
@@ -29,13 +26,13 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  /* penalty and bound must not be NULL on a rank without links: NULL means none */
-  if (!newton->penalty) PetscCall(PetscMalloc4(structure->links_local + 1, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension, structure->links_local + 1, &newton->bound));
+  /* penalty must not be NULL on a rank without links: NULL means none */
+  if (!newton->penalty) PetscCall(PetscMalloc3(structure->links_local + 1, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal tension = latin->linear.rigid_tension[l];
 
     newton->penalty[l]    = LatinLaws[structure->law[l]].rigid ? LATIN_PENALTY * latin->sub.link_stiffness[l] : 0.0;
-    newton->multiplier[l] = LatinLaws[structure->law[l]].rigid && !structure->rubs && !PetscIsInfOrNanReal(tension) ? tension : 0.0;
+    newton->multiplier[l] = LatinLaws[structure->law[l]].rigid && !PetscIsInfOrNanReal(tension) ? tension : 0.0;
   }
   structure->penalty    = newton->penalty;
   structure->multiplier = newton->multiplier;
@@ -81,20 +78,18 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* relative to loads small tensions may be rounding */
   *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
-  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* not in time steps: their rigid links have no gaps, or no tension */
+  if (!structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* not in time steps: their rigid links have no gaps, or no tension */
   *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
 }
 
-/* Newton's method with fixed multipliers, to an unbalance of norm `balance`. Collective on snes */
-static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *newton, PetscReal balance, Vec u, SNESConvergedReason *reason)
+/* Newton's method with fixed multipliers. Collective on snes */
+static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  const PetscReal kept = newton->balance;
-  PetscInt        steps, stages;
+  PetscInt steps, stages;
 
   PetscFunctionBegin;
-  newton->balance = balance;
   PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
   PetscCall(SNESGetConvergedReason(newton->snes, reason));
   PetscCall(SNESGetIterationNumber(newton->snes, &steps));
@@ -102,110 +97,31 @@ static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *ne
   newton->steps += steps;
   newton->stages += stages;
   newton->stages_left = newton->limit - newton->stages;
-  newton->balance     = kept;
-  PetscFunctionReturn(0);
-}
-
-/* Sets bounds on the tangential tensions. tension NULL: none, contacts stick. Else friction coefficient times normal tension (Tresca), or the mean of that and the previous bound if there was one */
-static void LatinMultipliersBound(LatinNewton *newton, const PetscReal tension[])
-{
-  const LatinStructure structure = newton->structure;
-
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal allowed = tension && structure->law[l] == LATIN_LAW_FRICTION ? -structure->friction[l] * tension[l] : 0.0;
-
-    newton->bound[l] = !tension ? PETSC_MAX_REAL : newton->sticks ? allowed : 0.5 * (newton->bound[l] + allowed);
-  }
-  structure->bound = newton->bound;
-  newton->sticks   = (PetscBool)!tension;
-}
-
-/* Doubles friction bounds too low to hold the structure, and raises them to the greatest bound at least: the next problems hold it. Collective on structure */
-static PetscErrorCode LatinMultipliersRaise_Private(LatinNewton *newton)
-{
-  const LatinStructure structure = newton->structure;
-  PetscReal            most      = 0.0;
-
-  PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] == LATIN_LAW_FRICTION) most = PetscMax(most, newton->bound[l]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  for (PetscInt l = 0; l < structure->links_local; l++) newton->bound[l] = PetscMax(2.0 * newton->bound[l], most);
-  PetscFunctionReturn(0);
-}
-
-/* Do the springs of the current problem have an energy? Not with Coulomb friction */
-PetscBool LatinMultipliersEnergy(const LatinNewton *newton)
-{
-  return (PetscBool)(!newton->structure->rubs || newton->structure->bound);
-}
-
-/*
-   Coulomb friction, by full Newton steps: if they converge, they do so soon. Initial guess: the solution with sticking contacts, whose
-   energy is convex. If they fail, they restart from the solution with fixed friction bounds (Tresca) from the last tensions, whose energy is
-   convex as well. Such bounds may be too low to hold the structure: they are raised once. Collective on snes
-*/
-static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *newton, PetscBool first, Vec u, SNESConvergedReason *reason)
-{
-  LatinStructure structure = newton->structure;
-  PetscBool      raised    = PETSC_FALSE;
-  Vec            convex;
-
-  PetscFunctionBegin;
-  newton->sticks = PETSC_TRUE;
-  if (first) {
-    LatinMultipliersBound(newton, NULL);
-    PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
-    if (*reason < 0) PetscFunctionReturn(0);
-  }
-  PetscCall(DMGetGlobalVector(structure->dm, &convex));
-  do {
-    PetscCall(VecCopy(u, convex));
-    structure->bound = NULL;
-    PetscCall(LatinMultipliersProblem_Private(snes, newton, newton->balance, u, reason));
-    if (*reason > 0) break;
-    PetscCall(VecCopy(convex, u));
-    PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
-    LatinMultipliersBound(newton, newton->tension);
-    PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
-    if (*reason < 0 && !raised) {
-      PetscCall(VecCopy(convex, u));
-      PetscCall(LatinMultipliersRaise_Private(newton));
-      PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
-      raised = PETSC_TRUE;
-    }
-  } while (*reason > 0 && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS);
-  if (structure->bound) *reason = SNES_DIVERGED_MAX_IT;
-  newton->sticks = PETSC_FALSE;
-  PetscCall(DMRestoreGlobalVector(structure->dm, &convex));
   PetscFunctionReturn(0);
 }
 
 /* Loop over multiplier updates: Newton's method, new multipliers, new penalty. Collective on snes */
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  PetscBool done = PETSC_FALSE, first = PETSC_TRUE;
+  PetscBool done  = PETSC_FALSE;
   PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
   PetscInt  raised = 0;
   Vec       before;
 
   PetscFunctionBegin;
   newton->before = newton->steps;
-  newton->sticks = PETSC_FALSE;
   newton->gap    = 0.0;
   PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
   PetscCall(VecCopy(u, before));
   for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS && !done; k++) {
-    if (newton->structure->rubs) PetscCall(LatinMultipliersCoulomb_Private(snes, newton, first, u, reason));
-    else PetscCall(LatinMultipliersProblem_Private(snes, newton, newton->balance, u, reason));
+    PetscCall(LatinMultipliersProblem_Private(snes, newton, u, reason));
     if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links are a mechanism to rounding: tangent stiffness singular */
       newton->floor *= LATIN_FLOOR_GROWS;
       PetscCall(VecCopy(before, u));
       continue;
     }
-    first = PETSC_FALSE;
-    done  = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
-    last  = change;
+    done = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
+    last = change;
     if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, grown, &change, &moved, &done));
     if (newton->found.verdict == LATIN_JAMMED) {
       *reason = SNES_DIVERGED_DTOL;
@@ -233,6 +149,6 @@ PetscErrorCode LatinMultipliersEnd_Private(Latin latin, LatinNewton *newton, Pet
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   if (solved) PetscCall(PetscArraycpy(latin->linear.rigid_tension, newton->multiplier, structure->links_local));
-  structure->penalty = structure->multiplier = structure->bound = NULL;
+  structure->penalty = structure->multiplier = NULL;
   PetscFunctionReturn(0);
 }

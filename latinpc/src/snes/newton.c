@@ -47,7 +47,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* structures of contacts with friction alone have no tangent stiffness */
+  newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER);
   newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
   newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->rubs);
@@ -195,7 +195,7 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
     PetscCall(LatinStructureAttachPC(cones, pc));
     PetscCall(PCLatinCorrected_Private(pc, PETSC_TRUE));
     PetscCall(LatinTangentCreate_Private(cones, &A));
-    PetscCall(LatinEquilibriumCollapse_Private(cones, ksp, A, more, bears, &steps, &stages, held, found));
+    PetscCall(LatinEquilibriumCollapse_Private(cones, ksp, A, more, newton->limit - newton->stages, bears, &steps, &stages, held, found));
     newton->steps += steps;
     newton->stages += stages;
     if (*held) LatinConesTensions(cones, bears);
@@ -224,15 +224,11 @@ static PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
   if (newton->collapse_searched || !newton->tangent || !latin || newton->stages_left <= 0) PetscFunctionReturn(0);
   newton->collapse_searched = PETSC_TRUE;
-  if (newton->structure->rubs) {
-    PetscCall(LatinNewtonCones_Private(newton->latin, newton, more, newton->tension, &held));
-    PetscFunctionReturn(0);
-  }
   PetscCall(LatinEquilibriumPatches_Private(newton->structure, more, &newton->found));
   if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
-  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, NULL, &steps, &stages, &held, &newton->found));
+  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, newton->stages_left, NULL, &steps, &stages, &held, &newton->found));
   newton->held = (PetscBool)(held && !newton->own_laws);
   newton->steps += steps;
   newton->stages += stages;
@@ -290,13 +286,12 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->stagnant = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
     newton->known = changes ? 0.0 : newton->error;
-    unexplained   = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
+    unexplained   = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
     confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees the forces of soft links */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  rounding = (PetscBool)(it > 1 && !changes && !unexplained && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
-                         (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* no error reduction with a fixed active set */
+  rounding = (PetscBool)(it > 1 && !changes && !unexplained && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* no error reduction with a fixed active set */
   claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->stagnant || newton->stagnant > LATIN_NEWTON_STAGNANT));
   if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
@@ -307,7 +302,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;
-  if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
+  if (slow && !*reason) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER; /* it begins again where the interior-point method ends */
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
@@ -330,7 +325,7 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays; nor from the end of the interior-point method. Fails instead if there is no energy */
+/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays; nor from the end of the interior-point method. */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -345,12 +340,8 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
   PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
   PetscCall(SNESGetIterationNumber(snes, &done));
-  if (done >= LATIN_NEWTON_FULL && !LatinMultipliersEnergy(newton)) {
-    PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_FAILED_REDUCT));
-    PetscFunctionReturn(0);
-  }
   PetscCall(VecDot(f, step, &before));
-  if (LatinMultipliersEnergy(newton) && (newton->own_laws || newton->near || done >= LATIN_NEWTON_FULL)) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
+  if (newton->own_laws || newton->near || done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* its norm is that of the shortened step */
   PetscCall(SNESLineSearchSetLambda(search, length));
@@ -394,8 +385,6 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
   newton->tangent = tangent;
   if (newton->snes) PetscFunctionReturn(0);
-  newton->latin     = latin;
-  newton->structure = latin->sub.structure;
   PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &newton->snes));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton->snes, (PetscObject)snes, 1));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
@@ -408,8 +397,8 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
   PetscCall(SNESLineSearchShellSetApply(search, LatinNewtonSearch_Private, newton));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPSetType(ksp, newton->structure->rubs ? KSPGMRES : KSPCG));
-  if (!newton->structure->rubs) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetType(ksp, KSPCG));
+  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, tangent ? LATIN_NEWTON_TIGHT : LATIN_NEWTON_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));

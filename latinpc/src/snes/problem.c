@@ -56,7 +56,7 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
-  PetscCall(PetscFree4(data->newton.penalty, data->newton.multiplier, data->newton.tension, data->newton.bound));
+  PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
   PetscCall(VecDestroy(&data->large.solution));
   PetscCall(PetscFree(data->large.held));
   PetscCall(VecDestroy(&data->z));

@@ -80,8 +80,7 @@ typedef struct {
   PetscBool        near;              /* the initial guess is next to the solution: full steps may leave it. With rigid links three of 190 packings and nets are lost by a search at once */
   LatinEquilibrium found;             /* its verdict; without an equilibrium the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
-  PetscReal *penalty, *multiplier, *tension, *bound;
-  PetscBool  sticks; /* the last problem solved has sticking contacts: friction without bound */
+  PetscReal *penalty, *multiplier, *tension;
 } LatinNewton;
 #define LATIN_NEWTON_TIGHT LatinByPrecision(1e-9, 1e-5) /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
@@ -90,11 +89,12 @@ PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
+PETSC_INTERN PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *, const PetscReal stiffness[], PetscReal *firm);
+PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
-PETSC_INTERN PetscBool      LatinMultipliersEnergy(const LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
@@ -280,9 +280,13 @@ PETSC_INTERN PetscErrorCode SNESLatinOuterReset_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterForget_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *);
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
+/* snes/takeover.c */
+PETSC_INTERN PetscErrorCode SNESLatinNewton_Private(SNES, PetscBool stall);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
-PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, PetscBool stalled, LatinNext *);
+PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
+PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
+PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);

@@ -19,7 +19,6 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
   PetscFunctionBegin;
   *slope = 0.0;
   for (PetscInt l = 0; l < structure->links_local; l++) line->tension[l] = LatinStructureTension(structure, NULL, l, line->x[l] - t * line->d[l]);
-  if (structure->penalty && structure->rubs) LatinFrictionCap(structure, line->tension);
   for (PetscInt l = 0; l < structure->links_local; l++) *slope -= line->tension[l] * line->d[l];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slope, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   *slope += line->work + t * line->bend;

@@ -12,7 +12,6 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
   }
   PetscCall(LatinStructureStrains_Private(structure, u, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTension(structure, rigid, l, tension[l]);
-  if (structure->penalty && structure->rubs) LatinFrictionCap(structure, tension);
   PetscFunctionReturn(0);
 }
 
@@ -54,30 +53,32 @@ PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Ve
   PetscFunctionReturn(0);
 }
 
-/* J = B^t k B for stiffnesses k of the links here, and springs to the ground. Collective on structure */
-PetscErrorCode LatinStructureAssemble_Private(LatinStructure structure, const PetscReal k[], Mat J)
+/* Adds k b_i^t b_j to J, with the rows b of B of two links between the same nodes, or of one. Not collective */
+PetscErrorCode LatinStructureAddLinks_Private(LatinStructure structure, PetscInt i, PetscInt j, PetscReal k, Mat J)
 {
   const PetscInt dim = structure->dim;
+  PetscReal      b[2][6];
+  PetscInt       row[6];
+  PetscScalar    block[36];
 
   PetscFunctionBegin;
-  PetscCall(MatZeroEntries(J));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal   b[6]; /* a row of B */
-    PetscInt    row[6];
-    PetscScalar block[36];
-
-    for (PetscInt i = 0; i < 2 * dim; i++) {
-      row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
-      b[i]   = i < dim ? -structure->direction[dim * l + i] : structure->direction[dim * l + i - dim];
-    }
-    for (PetscInt i = 0; i < 4 * dim * dim; i++) block[i] = k[l] * b[i / (2 * dim)] * b[i % (2 * dim)];
-    PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+  for (PetscInt c = 0; c < 2 * dim; c++) {
+    row[c] = dim * structure->ends[2 * i + c / dim] + c % dim;
+    for (PetscInt side = 0; side < 2; side++) b[side][c] = (c < dim ? -1.0 : 1.0) * structure->direction[dim * (side ? j : i) + c % dim];
   }
+  for (PetscInt c = 0; c < 4 * dim * dim; c++) block[c] = k * b[0][c / (2 * dim)] * b[1][c % (2 * dim)];
+  PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+  PetscFunctionReturn(0);
+}
+
+/* Adds B^t k B to J for stiffnesses k of the links here, and springs to the ground, and assembles it. Collective on structure */
+PetscErrorCode LatinStructureAssemble_Private(LatinStructure structure, const PetscReal k[], Mat J)
+{
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) PetscCall(LatinStructureAddLinks_Private(structure, l, l, k[l], J));
   PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
   if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
-  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
@@ -100,8 +101,11 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
   }
   PetscCall(LatinTangentCompute_Private(structure, u, 0.0, J, &tangent));
   PetscCall(VecGetArrayRead(tangent, &k));
+  PetscCall(MatZeroEntries(J));
   PetscCall(LatinStructureAssemble_Private(structure, k, J));
   PetscCall(VecRestoreArrayRead(tangent, &k));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 

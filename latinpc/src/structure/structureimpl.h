@@ -2,7 +2,7 @@
    Structures of links: their data, and the functions of their files for each other and for the solvers. Each file calls those
    before it only:
 
-     laws, userlaws; vectors; turning; rigidlaws; frictionsprings; tangent, linesearch; residual, results; setup; structure; timestep, frame, frictioncones; attach
+     laws, userlaws; vectors; turning; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame, frictioncones; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -77,7 +77,6 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* 1 / h^2 */
   /* [links_local] while rigid links are springs in the method of multipliers (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  const PetscReal *bound; /* the same: friction bound of each contact, read at its normal part (Tresca); NULL: Coulomb friction */
   /* while Newton's method with large displacements uses tensions ahead of the displacements (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead;    /* [links_local] tensions in the tangent stiffness */
   const PetscReal *strain;   /* [links_local] their strains, at which laws are linearised, or NULL */
@@ -119,15 +118,10 @@ static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, 
   }
 }
 
-/*
-   Tension of a rigid link as a spring: max(0, lambda + r x) for laws of traction, min(0, lambda + r x) for laws of
-   compression; of the tangential part of a contact lambda + r x, before the projection to its bound (structure/frictionsprings.c)
-*/
+/* Tension of a rigid link as a spring: max(0, lambda + r x) for laws of traction, min(0, lambda + r x) for laws of compression */
 static inline PetscReal LatinStructureSpring(const LatinStructure structure, PetscInt l, PetscReal x)
 {
-  const PetscReal y = structure->multiplier[l] + structure->penalty[l] * x;
-
-  return structure->law[l] == LATIN_LAW_TANGENT ? y : LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, y);
+  return LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, structure->multiplier[l] + structure->penalty[l] * x);
 }
 
 /* Tension of a link of strain x. rigid: tensions of rigid links, from the solver; NULL: zero */
@@ -146,7 +140,7 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
+  if (law->rigid) return LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
@@ -174,11 +168,6 @@ PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
 
-/* ---- contacts with friction as springs (structure/frictionsprings.c) ---- */
-PETSC_INTERN void LatinFrictionCap(LatinStructure, PetscReal tension[]);
-PETSC_INTERN void LatinFrictionTangents(LatinStructure, PetscReal x[], PetscReal slip[]);
-PETSC_INTERN void LatinFrictionMult(LatinStructure, const PetscReal slip[], const PetscReal e[], PetscReal tension[]);
-
 /* ---- tangent stiffnesses and their matrix (structure/tangent.c); line search (structure/linesearch.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
 PETSC_INTERN PetscErrorCode LatinTangentFind_Private(LatinStructure, Mat, Vec *tangent);
@@ -192,6 +181,7 @@ PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec 
 /* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinStructureAddLinks_Private(LatinStructure, PetscInt i, PetscInt j, PetscReal k, Mat);
 PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
 

@@ -35,32 +35,23 @@ PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *ta
   PetscFunctionReturn(0);
 }
 
-/* Does k_t have off-diagonal entries, of contacts with friction? */
-static inline PetscBool LatinTangentRubs(const LatinStructure structure)
+/* k: tangent stiffness of each link at u, at least `floor`. Collective on structure */
+static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[])
 {
-  return (PetscBool)(structure->penalty && structure->rubs);
-}
-
-/* k: tangent stiffness of each link at u, at least `floor`; slip: of contacts with friction, see LatinFrictionTangents(). Collective on structure */
-static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[], PetscReal slip[])
-{
-  const PetscBool rubs = LatinTangentRubs(structure);
-
   PetscFunctionBegin;
   PetscCall(LatinStructureStrains_Private(structure, u, k));
-  if (rubs) LatinFrictionTangents(structure, k, slip);
-  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, rubs && structure->law[l] == LATIN_LAW_TANGENT ? k[l] : LatinStructureTangent(structure, l, k[l]));
+  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, LatinStructureTangent(structure, l, k[l]));
   PetscFunctionReturn(0);
 }
 
-/* The vector over links composed on a matrix by this name, borrowed; created if there is none. Collective on structure */
-static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J, const char name[], Vec *links)
+/* The vector of the tangent stiffnesses composed on a matrix, borrowed; created if there is none. Collective on structure */
+static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J, Vec *links)
 {
   PetscFunctionBegin;
-  PetscCall(PetscObjectQuery((PetscObject)J, name, (PetscObject *)links));
+  PetscCall(PetscObjectQuery((PetscObject)J, "LatinTangent", (PetscObject *)links));
   if (*links) PetscFunctionReturn(0);
   PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, links));
-  PetscCall(PetscObjectCompose((PetscObject)J, name, (PetscObject)*links));
+  PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*links));
   PetscCall(PetscObjectDereference((PetscObject)*links));
   PetscFunctionReturn(0);
 }
@@ -71,17 +62,13 @@ static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J,
 */
 PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, Vec *tangent)
 {
-  PetscReal *k, *s = NULL;
-  Vec        slip = NULL;
+  PetscReal *k;
 
   PetscFunctionBegin;
   PetscCall(LatinTangentFind_Private(structure, J, tangent));
-  PetscCall(LatinTangentLinks_Private(structure, J, "LatinTangent", tangent));
-  if (LatinTangentRubs(structure)) PetscCall(LatinTangentLinks_Private(structure, J, "LatinSlip", &slip));
+  PetscCall(LatinTangentLinks_Private(structure, J, tangent));
   PetscCall(VecGetArrayWrite(*tangent, &k));
-  if (slip) PetscCall(VecGetArrayWrite(slip, &s));
-  PetscCall(LatinStructureTangents_Private(structure, u, floor, k, s));
-  if (slip) PetscCall(VecRestoreArrayWrite(slip, &s));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, k));
   PetscCall(VecRestoreArrayWrite(*tangent, &k));
   PetscCall(PetscObjectStateIncrease((PetscObject)J));
   PetscFunctionReturn(0);
@@ -94,7 +81,7 @@ PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscRea
   Vec          tangent;
 
   PetscFunctionBegin;
-  PetscCall(LatinTangentLinks_Private(structure, J, "LatinTangent", &tangent));
+  PetscCall(LatinTangentLinks_Private(structure, J, &tangent));
   PetscCall(VecGetArrayWrite(tangent, &a));
   PetscCall(PetscArraycpy(a, k, structure->links_local));
   PetscCall(VecRestoreArrayWrite(tangent, &a));
@@ -102,33 +89,22 @@ PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscRea
   PetscFunctionReturn(0);
 }
 
-/* y = B^t k_t B x, with the off-diagonal entries of k_t of slipping contacts */
+/* y = B^t k_t B x */
 static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
 {
   LatinStructure   structure;
-  Vec              tangent, slip;
-  const PetscReal *k, *s;
-  PetscReal       *tension, *e = NULL;
+  Vec              tangent;
+  const PetscReal *k;
+  PetscReal       *tension;
 
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &structure));
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinTangent", (PetscObject *)&tangent));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinStructureElongations_Private(structure, NULL, x, tension)); /* zero where prescribed */
-  if (LatinTangentRubs(structure)) {
-    PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &e));
-    PetscCall(PetscArraycpy(e, tension, structure->links_local));
-  }
   PetscCall(VecGetArrayRead(tangent, &k));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] *= k[l];
   PetscCall(VecRestoreArrayRead(tangent, &k));
-  if (e) {
-    PetscCall(PetscObjectQuery((PetscObject)A, "LatinSlip", (PetscObject *)&slip));
-    PetscCall(VecGetArrayRead(slip, &s));
-    LatinFrictionMult(structure, s, e, tension);
-    PetscCall(VecRestoreArrayRead(slip, &s));
-    PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &e));
-  }
   PetscCall(LatinStructureForces_Private(structure, tension, x, NULL, y));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
@@ -143,33 +119,25 @@ PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
   PetscCall(VecGetLocalSize(structure->load, &n));
   PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
   PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTangentMult_Private));
-  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, (PetscBool)!structure->rubs));
+  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
 /* *changes: number of links whose tangent stiffness at u, at least `floor`, differs from that in J. Collective on structure */
 PetscErrorCode LatinTangentChanges_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, PetscInt *changes)
 {
-  const PetscBool  rubs = LatinTangentRubs(structure);
-  Vec              tangent, slip;
-  const PetscReal *k, *s        = NULL;
-  PetscReal       *here, *slips = NULL;
+  Vec              tangent;
+  const PetscReal *k;
+  PetscReal       *here;
 
   PetscFunctionBegin;
   *changes = 0;
   PetscCall(PetscObjectQuery((PetscObject)J, "LatinTangent", (PetscObject *)&tangent));
-  PetscCall(PetscObjectQuery((PetscObject)J, "LatinSlip", (PetscObject *)&slip));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
-  if (rubs) PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &slips));
-  PetscCall(LatinStructureTangents_Private(structure, u, floor, here, slips));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, here));
   PetscCall(VecGetArrayRead(tangent, &k));
-  if (rubs) PetscCall(VecGetArrayRead(slip, &s));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (here[l] != k[l] || (rubs && structure->law[l] == LATIN_LAW_TANGENT && slips[l] != s[l])) ++*changes;
-  if (rubs) {
-    PetscCall(VecRestoreArrayRead(slip, &s));
-    PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &slips));
-  }
+    if (here[l] != k[l]) ++*changes;
   PetscCall(VecRestoreArrayRead(tangent, &k));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));

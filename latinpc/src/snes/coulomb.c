@@ -1,0 +1,245 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Contacts with Coulomb friction: the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the
+   solution may turn back, most often with much friction: then steps become short, and the iterate is lifted farther inside, from where
+   another path may lead to a solution. None may be found.
+*/
+
+#define LATIN_COULOMB_STEPS     200                            /* most steps */
+#define LATIN_COULOMB_LIFT      1e3                            /* growth of the mean product by a lift */
+#define LATIN_COULOMB_SLOW      15                             /* so many steps that do not halve the mean product show that the path turns back */
+#define LATIN_COULOMB_LESS      1e-2                           /* regularisation, relative to that without friction: with more, self-stresses creep */
+#define LATIN_COULOMB_REST      (64.0 * PETSC_MACHINE_EPSILON) /* unbalance relative to the tensions that is rounding */
+#define LATIN_COULOMB_REFINED   2                              /* solves for the least tensions */
+#define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5)  /* stiffness left in links, relative to their search parameters: holds grains without forces */
+#define LATIN_COULOMB_CREEPS    10                             /* most steps that only creep */
+#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6)  /* sum of the products relative to the work of tensions and loads: small enough, if the square of the error asked for is no less, */
+#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8)  /* to this */
+#define LATIN_COULOMB_LEAST     1e-3                           /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
+
+/* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
+static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
+{
+  const Latin latin = ((SNES_Latin *)snes->data)->latin;
+  PC          pc;
+
+  PetscFunctionBegin;
+  PetscCall(DMCreateMatrix(c->structure->dm, &c->A));
+  PetscCall(MatConvert(c->A, MATAIJ, MAT_INPLACE_MATRIX, &c->A)); /* overrides -dm_mat_type */
+  PetscCall(LatinSolverCreate_Private(PetscObjectComm((PetscObject)snes), (PetscObject)latin, "friction", &c->ksp));
+  PetscCall(KSPGetPC(c->ksp, &pc));
+  PetscCall(LatinDirectLU_Private(pc, c->A));
+  PetscCall(KSPSetFromOptions(c->ksp));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Is the point a solution: products and unbalance small, and displacements and tensions changed by less than the errors asked for in the last
+   step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
+   ones. *creeps: number of such steps. Collective
+*/
+static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
+{
+  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
+  PetscScalar push;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < c->n; l++) {
+    const PetscReal strain = c->x[l] + c->give[l] * c->t[l];
+
+    sum[0] += PetscSqr(c->dt[l]);
+    sum[1] += PetscSqr(c->t[l]);
+    sum[2] += PetscAbsReal(c->t[l] * strain);
+    c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain); /* elastic links at a kink of their law have other tensions in the interior */
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, c->structure->load, c->r));
+  if (more) PetscCall(VecAXPY(c->r, -1.0, more));
+  PetscCall(VecNorm(c->r, NORM_2, &unbalance));
+  PetscCall(VecDot(c->f, c->d, &push));
+  PetscCall(VecNorm(c->dd, NORM_2, &moved));
+  PetscCall(VecNorm(c->d, NORM_2, &size));
+  PetscCall(LatinEquilibriumPoint_Private(c->structure, &least));
+  newton->error    = size > 0.0 ? moved / size : 0.0;
+  newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  left             = mean * c->count / (sum[2] + PetscAbsScalar(push));
+  goal             = PetscMin(LATIN_COULOMB_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
+  c->least         = LATIN_COULOMB_LEAST * goal * mean / left;
+  most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
+  *done            = PETSC_FALSE;
+  if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || ++*creeps > LATIN_COULOMB_CREEPS);
+  if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
+  PetscCall(
+    PetscInfo(c->structure, "length %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)left, (double)unbalance, (double)most, (double)newton->error, (double)newton->tensions));
+  PetscFunctionReturn(0);
+}
+
+/* Moves the point farther inside: all tensions and elongations at bounds by `part` of what they are inside at the initial point. Collective */
+static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal part, PetscReal *mean)
+{
+  PetscReal sum = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const PetscReal more = part * PetscSqrtReal(c->inside / stiffness[k / 2]);
+    LatinBound     *at   = LatinBoundAt(c, k / 2, k % 2);
+
+    if (!at) continue;
+    at->y += stiffness[k / 2] * more;
+    at->s += more;
+    c->t[k / 2] += LatinBoundSign(k % 2) * stiffness[k / 2] * more;
+    sum += at->y * at->s;
+  }
+  for (PetscInt k = 0; k < c->slips; k++) c->slip[k].S[0] += part * PetscSqrtReal(c->inside / stiffness[c->slip[k].link]);
+  PetscCall(LatinPrimalDualElongations_Private(c));
+  sum += LatinSlipsProducts(c, 0.0);
+  PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  *mean /= c->count;
+  PetscFunctionReturn(0);
+}
+
+/* Steps, and lifts, to a solution. Collective */
+static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscBool *done)
+{
+  PetscBool failed = PETSC_FALSE;
+  PetscReal mean, first, mark, firm;
+  PetscInt  since = 0, creeps = 0;
+
+  PetscFunctionBegin;
+  PetscCall(LatinConvexWeights_Private(c, newton->latin->sub.link_stiffness, &firm));
+  c->floor = LATIN_COULOMB_FLOOR * firm;
+  c->regularisation *= LATIN_COULOMB_LESS;
+  PetscCall(LatinConvexStart_Private(c, &mean, &failed));
+  first = mark = mean;
+  for (PetscInt k = 0; k < LATIN_COULOMB_STEPS && !failed && !*done && c->stages < newton->limit - newton->stages; k++) {
+    PetscCall(LatinPrimalDualIterate_Private(c, &mean, &failed));
+    newton->steps++;
+    if (failed) continue;
+    PetscCall(LatinCoulombDone_Private(c, newton, more, mean, &creeps, done));
+    if (++since < LATIN_COULOMB_SLOW) continue;
+    if (mean > 0.5 * mark) {
+      PetscCall(LatinCoulombLift_Private(c, newton->latin->sub.link_stiffness, PetscSqrtReal(LATIN_COULOMB_LIFT * mean / first), &mean));
+      c->lifts++;
+    }
+    mark  = mean;
+    since = 0;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Is the rigid link l open: is its tension small beside its elongation? Not collective */
+static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscReal stiffness)
+{
+  PetscBool open = PETSC_FALSE;
+
+  for (PetscInt i = 0; i < 2; i++) {
+    const LatinBound *at = LatinBoundAt(c, l, i);
+
+    open = (PetscBool)(open || (at && at->y < stiffness * at->s));
+  }
+  return open;
+}
+
+/*
+   Closed links that do not slip become bars of their search parameters, with weights c->w; all others get none, and open ones no tension. A contact
+   slips if the rate is large beside the distance of its tension from the cone. Not collective
+*/
+static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
+{
+  const LatinStructure structure = c->structure;
+
+  for (PetscInt l = 0; l < c->n; l++) {
+    const PetscBool rigid = LatinLaws[structure->law[l]].rigid;
+
+    c->w[l] = 0.0;
+    if (structure->law[l] == LATIN_LAW_TANGENT || !rigid) continue;
+    if (!LatinCoulombOpen(c, l, stiffness[l])) c->w[l] = stiffness[l];
+    else c->t[l] = 0.0;
+    for (PetscInt i = 1; i < structure->dim && structure->law[l] == LATIN_LAW_FRICTION; i++) {
+      c->t[l + i] = c->w[l] > 0.0 ? c->t[l + i] : 0.0;
+      c->w[l + i] = 0.0;
+    }
+    l += structure->law[l] == LATIN_LAW_FRICTION ? structure->dim - 1 : 0;
+  }
+  for (PetscInt k = 0; k < c->slips; k++) {
+    const PetscInt l   = c->slip[k].link;
+    PetscReal      rub = 0.0;
+
+    for (PetscInt i = 1; i < structure->dim; i++) rub += PetscSqr(c->t[l + i]);
+    if (stiffness[l] * c->slip[k].S[0] > -structure->friction[l] * c->t[l] - PetscSqrtReal(rub)) c->w[l] = 0.0; /* a slipping contact keeps its tensions */
+    for (PetscInt i = 1; i < structure->dim; i++) c->w[l + i] = c->w[l];
+  }
+}
+
+/*
+   Tensions of closed links may contain a self-stress, which the interior-point method leaves as large as it starts. Replaces them by the least ones
+   that balance the same forces, relative to their search parameters, if these are compressive and inside the friction cones. Collective
+*/
+static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscReal stiffness[])
+{
+  const LatinStructure structure = c->structure;
+  PetscBool            failed = PETSC_FALSE, admissible = PETSC_TRUE;
+
+  PetscFunctionBegin;
+  LatinCoulombStates(c, stiffness);
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
+  PetscCall(PetscArrayzero(c->dx, c->n));
+  for (PetscInt k = 0; k < LATIN_COULOMB_REFINED; k++) { /* the floor leaves a little */
+    for (PetscInt l = 0; l < c->n; l++) c->dt[l] = c->w[l] > 0.0 ? c->t[l] - c->w[l] * c->dx[l] : 0.0;
+    PetscCall(VecZeroEntries(c->dd));
+    PetscCall(LatinStructureForces_Private(structure, c->dt, c->dd, NULL, c->r));
+    PetscCall(LatinPrimalDualSolve_Private(c, c->r, &failed));
+    PetscCall(LatinStructureElongations_Private(structure, NULL, c->dd, c->dt));
+    for (PetscInt l = 0; l < c->n; l++) c->dx[l] += c->dt[l];
+  }
+  for (PetscInt l = 0; l < c->n; l++) {
+    PetscReal rub = 0.0;
+
+    c->dt[l] = c->w[l] > 0.0 ? c->w[l] * c->dx[l] : c->t[l];
+    if (!(c->w[l] > 0.0) || structure->law[l] == LATIN_LAW_TANGENT) continue;
+    if (LatinLawSign(structure->law[l]) * c->dt[l] < 0.0) admissible = PETSC_FALSE;
+    for (PetscInt i = 1; i < structure->dim && structure->law[l] == LATIN_LAW_FRICTION; i++) rub += PetscSqr(c->w[l + i] * c->dx[l + i]);
+    if (PetscSqrtReal(rub) > -structure->friction[l] * c->dt[l] && structure->law[l] == LATIN_LAW_FRICTION) admissible = PETSC_FALSE;
+  }
+  admissible = (PetscBool)(admissible && !failed);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &admissible, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)structure)));
+  if (admissible) PetscCall(PetscArraycpy(c->t, c->dt, c->n));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The interior-point method, after the search for tensions inside the friction cones, which proves that there is no equilibrium or shows that
+   the loads are borne. Displacements and tensions of rigid links are unchanged if the reason is negative; data->next is an end if the
+   search has found one. Collective on snes
+*/
+PetscErrorCode SNESLatinCoulomb_Private(SNES snes, SNESConvergedReason *reason)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  const PetscReal     *stiffness = data->latin->sub.link_stiffness;
+  LatinPrimalDual      c         = {.structure = structure};
+  PetscBool            done      = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  *reason = SNES_DIVERGED_MAX_IT;
+  PetscCall(SNESLatinOuterForget_Private(snes));
+  PetscCall(SNESLatinAdmissible_Private(snes, &data->next));
+  if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
+  data->newton.balance = SNESLatinBalances(snes) && data->newton.loads > 0.0 ? PetscMin(data->balance * data->newton.loads, SNESLatinUnbalance(data)) : PETSC_MAX_REAL;
+  PetscCall(LatinCoulombCreate_Private(snes, &c));
+  PetscCall(LatinPrimalDualCreate_Private(&c, snes->vec_rhs));
+  PetscCall(LatinCoulombRun_Private(&c, &data->newton, snes->vec_rhs, &done));
+  data->newton.stages += c.stages;
+  if (done) {
+    *reason = SNES_CONVERGED_SNORM_RELATIVE;
+    PetscCall(VecCopy(c.d, snes->vec_sol));
+    PetscCall(LatinCoulombLeast_Private(&c, stiffness));
+    for (PetscInt l = 0; l < c.n; l++)
+      if (LatinLaws[structure->law[l]].rigid) data->latin->linear.rigid_tension[l] = c.t[l];
+  }
+  PetscCall(LatinPrimalDualDestroy_Private(&c));
+  PetscCall(KSPDestroy(&c.ksp));
+  PetscCall(MatDestroy(&c.A));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,195 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Newton's method (snes/newton.c), or with friction the interior-point method (snes/coulomb.c), after the iteration of SNES latin: what it is
+   asked for, where it starts, and whether its result is accepted.
+*/
+
+#define LATIN_DIGITS_SAFETY 2.0  /* safety factor on errors known to their order of magnitude */
+#define LATIN_NEWTON_AFTER  1000 /* most linear stages after a failure of Newton's method without rigid links: usually there is no equilibrium */
+
+/* Is the error of Newton's method above the rounding of this precision? Else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
+static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
+{
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* LatinGetDigits() needs tensions that are functions of displacements */
+  PetscReal       unbalance, rounding, size, least;
+
+  PetscFunctionBegin;
+  if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
+  PetscCall(LatinEquilibriumPoint_Private(data->latin->sub.structure, &least));
+  if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
+  PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
+  data->estimate.value = data->newton.error;
+  if ((PetscMax(data->estimate.floor, LATIN_DIGITS_SAFETY * data->found.blur) <= data->target && data->newton.error <= data->target) || data->estimate.energy ||
+      (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame)
+    PetscFunctionReturn(0);
+  if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
+  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);   /* the tangent stiffness left in slack links hides soft nodes */
+  data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
+  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
+  data->next = LATIN_NEXT_ROUNDING;
+  PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
+  PetscFunctionReturn(0);
+}
+
+/* Accepts the displacements of Newton's method, unless the unbalance contradicts them: then *done is false. Collective on snes */
+static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason reason, PetscBool *done)
+{
+  SNES_Latin     *data   = (SNES_Latin *)snes->data;
+  const PetscBool rigid  = (PetscBool)(data->latin->sub.structure->rigid_law >= 0);
+  LatinNewton    *newton = &data->newton;
+  PetscBool       shown;
+
+  PetscFunctionBegin;
+  *done      = PETSC_TRUE;
+  data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  PetscCall(SNESLatinBalance_Private(snes));
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
+  shown                   = (PetscBool)((newton->stagnant || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
+  if (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
+  if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
+  else if (shown && (newton->stall || rigid)) *done = PETSC_FALSE;
+  else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
+  if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a stagnant line search, or a linear solve that has missed a soft mode */
+  if (!*done) PetscFunctionReturn(0);
+  if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) data->next = LATIN_NEXT_ROUNDING;
+  if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
+  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
+  PetscFunctionReturn(0);
+}
+
+/* Largest unbalance at convergence, relative to the loads; with operators of the iteration or without loads also relative to the tensions, whose error it bounds. Collective on snes */
+static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, PetscReal *balance)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  PetscReal            sum       = 0.0, *tension;
+
+  PetscFunctionBegin;
+  *balance = PETSC_MAX_REAL;
+  if (!SNESLatinBalances(snes) || structure->rigid_law >= 0) PetscFunctionReturn(0); /* the springs of rigid links cause more rounding than their tensions */
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, snes->vec_sol, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
+  if (data->newton.loads > 0.0) *balance = data->balance * data->newton.loads;
+  if (sum > 0.0 && !own) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
+  *balance = PetscMin(*balance, SNESLatinUnbalance(data));
+  PetscFunctionReturn(0);
+}
+
+/* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller, or where links yield and it is far away. Collective on snes */
+static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->latin->sub.structure;
+  PetscReal     *rigid     = data->latin->linear.rigid_tension, rest;
+  PetscBool      far       = PETSC_FALSE;
+  Vec            zero, r;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(DMGetGlobalVector(structure->dm, &zero));
+  PetscCall(DMGetGlobalVector(structure->dm, &r));
+  PetscCall(VecZeroEntries(zero));
+  PetscCall(LatinStructureResidual_Private(structure, NULL, zero, r));
+  if (snes->vec_rhs) PetscCall(VecAXPY(r, -1.0, snes->vec_rhs));
+  PetscCall(VecNorm(r, NORM_2, &rest));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &r));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
+  if (data->newton.own_laws) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far)); /* on plateaus unbalanced forces are small however far it is */
+  if (data->residual <= rest && !far) PetscFunctionReturn(0);
+  PetscCall(VecZeroEntries(snes->vec_sol));
+  if (rigid) PetscCall(PetscArrayzero(rigid, structure->links_local));
+  PetscFunctionReturn(0);
+}
+
+/* What Newton's method is asked for. Collective on snes */
+static PetscErrorCode SNESLatinNewtonGoal_Private(SNES snes)
+{
+  SNES_Latin  *data   = (SNES_Latin *)snes->data;
+  LatinNewton *newton = &data->newton;
+
+  PetscFunctionBegin;
+  newton->latin          = data->latin;
+  newton->structure      = data->latin->sub.structure;
+  newton->target         = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
+  newton->residual       = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->energy         = data->estimate.energy;
+  newton->tension_target = SNESLatinTensionTarget(data);
+  newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
+  newton->limit          = SNESLatinStageLimit(snes) - data->latin->linear.applications;
+  newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
+  PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
+  PetscFunctionReturn(0);
+}
+
+/* Newton's method from the displacements of the iteration; own: with preconditioners of the tangent stiffness. Collective on snes */
+static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, PetscBool own, SNESConvergedReason *reason)
+{
+  SNES_Latin  *data   = (SNES_Latin *)snes->data;
+  LatinNewton *newton = &data->newton;
+  Vec          step, r;
+
+  PetscFunctionBegin;
+  if (stall) PetscCall(SNESLatinNewtonGuess_Private(snes));
+  else PetscCall(SNESLatinResidual_Private(snes)); /* the estimated error is small: from these displacements, and these tensions of rigid links */
+  PetscCall(SNESLatinOuterForget_Private(snes));
+  PetscCall(SNESLatinNewtonBalance_Private(snes, own, &newton->balance));
+  PetscCall(LatinMultipliersStart_Private(data->latin, newton));
+  PetscCall(LatinNewtonCreate_Private(snes, data->latin, own, newton));
+  PetscCall(LatinNewtonSolve_Private(snes, newton, stall || !SNESLatinEstimates(data) ? 0.0 : data->estimate.value, snes->vec_sol, reason));
+  data->found = newton->found;
+  PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
+  PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
+  if (step && !data->found.verdict) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
+  PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(*reason > 0)));
+  if (data->found.verdict == LATIN_UNBOUNDED || data->found.verdict == LATIN_JAMMED) data->next = LATIN_NEXT_DIVERGED;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Newton's method after the iteration, or with friction the interior-point method. If it fails with operators of the iteration, it
+   restarts with the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes
+*/
+PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  const PetscBool      elastic   = (PetscBool)(structure->rigid_law < 0);
+  LatinNewton         *newton    = &data->newton;
+  PetscBool            own = PETSC_TRUE, done = PETSC_FALSE;
+  SNESConvergedReason  reason;
+
+  PetscFunctionBegin;
+  if (stall) PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on iterates of the iteration is no proof */
+  if (stall) PetscCall(LatinEquilibriumNodes_Private(structure, snes->vec_rhs, snes->vec_sol, &data->found));
+  if (stall && data->found.verdict == LATIN_UNBOUNDED) {
+    PetscCall(SNESLatinBalance_Private(snes));
+    data->next = LATIN_NEXT_DIVERGED;
+    PetscFunctionReturn(0);
+  }
+  if (!stall) PetscCall(LatinNewtonOwn_Private(structure, &own));
+  if (own) newton->stall = PETSC_FALSE;
+  PetscCall(SNESLatinNewtonGoal_Private(snes));
+  if (structure->rubs) PetscCall(SNESLatinCoulomb_Private(snes, &reason));
+  else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
+  if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
+  if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
+  if (done) PetscFunctionReturn(0);
+  PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
+  newton->finish = PETSC_FALSE;
+  if (own && elastic) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  data->current = -1;
+  data->next    = LATIN_NEXT_NEWTON_STALL;
+  if (newton->stall) PetscFunctionReturn(0);
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
+  if (!(newton->contrast || (SNESLatinEstimates(data) && elastic)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
+  data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* convergence is unproven: Newton's method has failed, or had no stages left */
+  PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
+  PetscFunctionReturn(0);
+}
