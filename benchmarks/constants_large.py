@@ -91,6 +91,8 @@ LARGE = {
         "linear stages",
         "Saddles of 60 and 100 meshes take 140 and 630 ms, with 30 for all 180 and 730; 0.15: one of 300 creeps.",
     ),
+    "LATIN_LARGE_REST": ("", "Some way above 5e-13, where the indicator of the mast and the tower comes to rest."),
+    "LATIN_LARGE_IDLE": ("stages", "They only confirm: each tenth of the indicator takes 2 to 5."),
     "LATIN_LARGE_STAGNATION": (
         "set-ups",
         "Without it nets of 60 and 100 meshes in the wind take 19 and 24 set-ups, not 10 and 9; with 2 more stages.",

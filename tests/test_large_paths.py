@@ -1,5 +1,6 @@
 """Paths of equilibria: units, parts that snap through, and what an error leaves behind."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -209,3 +210,18 @@ def test_the_iteration_alone_names_no_limit_point():
     assert found.notices == [f"the solve ended before the whole loads: displacements are those of {part:.4g} of them"]
     held = latinpc.Structure.from_scene(replace(scene, load=part * scene.load)).solve(error=1e-8)
     assert np.linalg.norm(found.displacements - held.displacements) < 1e-4 * np.linalg.norm(held.displacements)
+
+
+@pytest.mark.parametrize("name", ["mast", "tower", "bridge"])
+@pytest.mark.parametrize("stop", [{"snes_stol": 1e-13}, {"snes_latin_stop": "residual", "snes_rtol": 1e-12}])
+def test_a_tolerance_below_rounding_is_no_buckling(name, stop):
+    """The solve ends there or at rounding, with the displacements and under all the loads."""
+    scene = make(name)
+    plain = scene.solve()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        tight = scene.solve(options=stop)
+    assert tight.report["reason"] in ("CONVERGED_SNORM_RELATIVE", "CONVERGED_FNORM_RELATIVE", "DIVERGED_INNER")
+    assert tight.report["residual_norm"] < 1e-6 * np.linalg.norm(scene.load)
+    assert tight.iterations < 500
+    assert np.linalg.norm(tight.displacements - plain.displacements) < 1e-3 * np.linalg.norm(plain.displacements)

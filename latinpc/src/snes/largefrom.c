@@ -57,6 +57,36 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   }
   data->large.last = near ? data->latin->linear.applications + LATIN_PATH_STAGES : PETSC_MAX_INT;
   PetscCall(SNESLatinLargeIterate_Private(snes));
-  if (LatinNextConverged(data->next)) PetscCall(SNESLatinResidual_Private(snes));
+  if (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) PetscCall(SNESLatinResidual_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* A time step: Newton's method, and where it fails the iteration. Collective on snes */
+PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   done;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
+  if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
+  data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/* The end of a path of which the stop was the error: what the requested stop wants beyond that the iteration does, from there. Collective on snes */
+PetscErrorCode SNESLatinLargeStop_Private(SNES snes, LatinStopType stop)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         u;
+
+  PetscFunctionBegin;
+  if (data->stop == stop || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
+  data->stop = stop;
+  data->next = LATIN_NEXT_CONTINUE;
+  PetscCall(VecDuplicate(snes->vec_sol, &u));
+  PetscCall(VecCopy(snes->vec_sol, u));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscCall(VecDestroy(&u));
   PetscFunctionReturn(0);
 }

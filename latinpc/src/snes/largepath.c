@@ -463,17 +463,14 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   LatinLarge    *large     = &data->large;
   LatinStructure structure = large->frame->turns;
   Vec            rhs       = snes->vec_rhs, work[7];
+  LatinStopType  stop      = data->stop;
   PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
   if (structure->midpoint && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
-    PetscBool done;
-
-    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
-    if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
-    large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    PetscCall(SNESLatinLargeStep_Private(snes));
     PetscFunctionReturn(0);
   }
   if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
@@ -485,8 +482,11 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   }
   for (PetscInt i = 0; i < 7; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
   LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL};
-  ierr           = LatinPathStart_Private(snes, &path, &from);
+  if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR; /* along the path, which Newton's method follows */
+  ierr = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
+  if (!ierr) ierr = SNESLatinLargeStop_Private(snes, stop);
+  data->stop = stop;
   while (path.targets) PetscCall(LatinPathReached_Private(&path));
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
   if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->reached);

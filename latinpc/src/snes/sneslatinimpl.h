@@ -137,6 +137,8 @@ typedef struct {
   PetscInt  renewals;       /* rebuilds of the operators at other displacements */
   PetscInt  stages, window; /* linear stages in this window; stages of a window */
   PetscReal least, before;  /* least measure of this window and of the last one */
+  PetscInt  idle;           /* linear stages in a row that change little and do not halve the measure of the stop */
+  PetscReal lowest;         /* this measure before them */
   PetscReal near;           /* estimated error below which Newton's method is tried */
   PetscReal cost;           /* cost of a set-up, in linear stages */
   PetscBool inside;         /* the last solve of a path has used the interior-point method */
@@ -312,6 +314,8 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 /* from displacements that are given (snes/largefrom.c) */
 #define LATIN_PATH_TANGENTS 4 /* times that Newton's method gets operators of the tangent stiffness in one increment */
 PETSC_INTERN PetscErrorCode SNESLatinLargeProof_Private(SNES, Vec u, PetscBool *done);
+PETSC_INTERN PetscErrorCode SNESLatinLargeStep_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeStop_Private(SNES, LatinStopType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
 /* displacements of nodes on a path (snes/largenodes.c) */
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
