@@ -186,7 +186,7 @@ typedef struct {
   PetscReal      unbalance;      /* relative to the initial one */
   PetscReal      length;         /* of the last step */
   PetscReal      least;          /* mean product that steps aim at, at least */
-  PetscReal      inside;         /* mean energy of unilateral links at the initial point: tensions y and elongations s are that far inside */
+  PetscReal      inside;         /* product y s of links that are as far inside as the initial point requires */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
   PetscInt       lifts;   /* of the point, see snes/coulomb.c */

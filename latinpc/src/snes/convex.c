@@ -32,12 +32,12 @@ PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal st
 }
 
 /*
-   Initial point: all links are bars of weights W; tensions y and elongations s at bounds are at least those of their mean energy, which makes
-   the point the same in any units and for any contrast of stiffnesses. Collective
+   Initial point: all links are bars of weights W; tensions y and elongations s at bounds are at least those whose products are that of
+   their mean sizes. Collective
 */
 PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
 {
-  PetscReal sum[2] = {0.0, 0.0}; /* energies of unilateral links; products s y */
+  PetscReal sum[3] = {0.0, 0.0, 0.0}; /* squares of tensions and elongations of unilateral links; products s y */
 
   PetscFunctionBegin;
   PetscCall(VecZeroEntries(c->d));
@@ -51,10 +51,12 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, Pet
   PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] = c->structure->law[l] == LATIN_LAW_TANGENT ? 0.0 : c->w[l] * c->x[l];
-    if (LatinBoundAt(c, l, 0) || LatinBoundAt(c, l, 1)) sum[0] += c->w[l] * PetscSqr(c->x[l]);
+    if (!LatinBoundAt(c, l, 0) && !LatinBoundAt(c, l, 1)) continue;
+    sum[0] += PetscSqr(c->t[l]);
+    sum[1] += PetscSqr(c->x[l]);
   }
-  PetscCall(MPIU_Allreduce(&sum[0], &c->inside, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  c->inside /= c->count;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  c->inside = PetscSqrtReal(sum[0]) * PetscSqrtReal(sum[1]) / c->count;
   if (!(c->inside > 0.0)) *failed = PETSC_TRUE;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
     const PetscInt  l = k / 2, sign = (PetscInt)LatinBoundSign(k % 2);
@@ -65,11 +67,11 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, Pet
     at->y   = PetscMax(sign * c->t[l], c->w[l] * least);
     at->s   = PetscMax(-sign * c->x[l], least);
     c->t[l] = sign * at->y;
-    sum[1] += at->y * at->s;
+    sum[2] += at->y * at->s;
   }
   LatinSlipsStart(c);
-  sum[1] += LatinSlipsProducts(c, 0.0);
-  PetscCall(MPIU_Allreduce(&sum[1], mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  sum[2] += LatinSlipsProducts(c, 0.0);
+  PetscCall(MPIU_Allreduce(&sum[2], mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   *mean /= c->count;
   c->unbalance = 1.0;
   for (PetscInt l = 0; l < c->n; l++) c->x[l] -= c->give[l] * c->t[l];
