@@ -32,14 +32,16 @@
 #define LATIN_NEWTON_GAIN           0.5                            /* with a fixed active set, a step that reduces the error by less than this shows rounding */
 #define LATIN_NEWTON_SAFETY_MOST    1e8                            /* largest safety factor on the relative residual of a linear solve */
 #define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
-#define LATIN_NEWTON_OWN            3000 /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_STAGNANT       10   /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
+#define LATIN_NEWTON_OWN            3000  /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
+#define LATIN_NEWTON_GRAINS         40000 /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
+#define LATIN_NEWTON_STAGNANT       10    /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
 {
   PetscReal least, most;
-  PetscBool own = PETSC_FALSE;
+  PetscInt  links = 0;
+  PetscBool own   = PETSC_FALSE;
 
   PetscFunctionBegin;
   newton->iterations = newton->steps = newton->stages = 0;
@@ -47,7 +49,8 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER);
+  if (structure->rubs && !(most > 0.0)) links = structure->links_global;
+  newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && links <= LATIN_NEWTON_GRAINS);
   newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
   newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->rubs);
