@@ -1,6 +1,7 @@
 """The constants of the C code that trade no iterations, for constants.py."""
 
 from constants_factors import FACTORS
+from constants_interior import INTERIOR
 from constants_large import LARGE
 
 #: Constants that trade nothing, or time and memory alone: unit, and why this value.
@@ -195,55 +196,6 @@ OTHERS = {
     "LATIN_COLLAPSE_REGULARISATION_GROWS": (
         "ratio",
         "With 1e-10 alone 9 of 3,000 random structures are a mechanism to rounding, with 1e-8 none.",
-    ),
-    "LATIN_PRIMAL_DUAL_LENGTH": ("part of the way", "What interior-point methods take as a rule."),
-    "LATIN_PRIMAL_DUAL_POWER": ("", "What interior-point methods take as a rule [S. Mehrotra]."),
-    "LATIN_SLIP_LENGTH": (
-        "part of the way",
-        "Packings with friction, 31 of 400 to 4,000 contacts: solved 29 with 0.9, 26 with 0.7, 23 with 0.99.",
-    ),
-    "LATIN_SLIP_POWER": (
-        "",
-        "22 packings with friction 0.3 to 0.9: solved 20 with 1, 18 with 2, 19 with 3. After a lift both in turn: "
-        "where the path of one turns back, that of the other may not.",
-    ),
-    "LATIN_NEWTON_GRAINS": (
-        "links",
-        "100,283 contacts with friction to an indicator of 3e-4: 31 s, with the interior-point method 84 s. It solves "
-        "one of two packings of discs of 21,000 links, one of spheres of 30,000, and none of five of 28,000 to 60,000.",
-    ),
-    "LATIN_COULOMB_STEPS": (
-        "steps",
-        "A bound on lost time. 69 packings with friction 0.3 to 0.9: solved 52 in 100, 58 in 200, 59 in 480.",
-    ),
-    "LATIN_COULOMB_LIFT": ("", "The same 69: 57 with 100, 58 with 1,000, 53 with 10,000."),
-    "LATIN_COULOMB_SLOW": ("steps", "The same 69: 50 with 8, 58 with 15."),
-    "LATIN_COULOMB_GAP": ("of the work", "As `LATIN_CONVEX_GAP`."),
-    "LATIN_COULOMB_GAP_LEAST": ("of the work", "Packings of 20 discs a side converge to errors of 1e-10 with it."),
-    "LATIN_COULOMB_LEAST": ("", "Without it a random structure with a self-stress comes to a halt off balance."),
-    "LATIN_COULOMB_LESS": ("", "With 1 the tensions of a random structure with a self-stress creep for 200 steps."),
-    "LATIN_COULOMB_REST": ("", "As `LATIN_NEWTON_REST`."),
-    "LATIN_COULOMB_CREEPS": ("steps", "They only confirm: the tensions do not change any more."),
-    "LATIN_COULOMB_REFINED": ("solves", "The second one removes what the first leaves in grains without forces."),
-    "LATIN_COULOMB_FLOOR": (
-        "of the search parameter",
-        "The same 69: solved 50 with 0, 58 with 1e-10, 52 with less the nearer the solution is.",
-    ),
-    "LATIN_CONVEX_STEPS": ("steps", "A bound: packings of 1,000 to 80,000 rigid contacts take 15 to 58."),
-    "LATIN_CONVEX_REGULARISATION": (
-        "compliance of the search parameter",
-        "From 1e-6 to 1e-4 packings of 20 to 120 discs a side take the same steps; with 1e-3 one of 80 does not"
-        " converge, with 1e-12 none of rigid discs does.",
-    ),
-    "LATIN_CONVEX_FLOOR": (
-        "of the greatest stiffness",
-        "As `LATIN_NEWTON_FLOOR_GREATEST`. Without it 15 of 16 packings of spheres of different stiffness, half of them"
-        " rigid, fail; with it from the start two of 190 packings and nets fail that converge without it.",
-    ),
-    "LATIN_CONVEX_GAP": (
-        "of the work",
-        "At 1e-8 the contacts that bear are not all known in a packing of 120 rigid discs a side, and Newton's method"
-        " fails; the last steps each gain one to two digits.",
     ),
     "LATIN_COLLAPSE_ROUNDING": ("eps", "The displacements of both ends, in three components, and their differences."),
     "LATIN_COLLAPSE_TENSION": (
@@ -523,3 +475,4 @@ OTHERS = {
         "With 1e-4 the energy of a wheel of stiff bars changes by 1.5 % in 200 steps, with 1e-8 by 5e-7.",
     ),
 } | LARGE
+OTHERS |= INTERIOR
