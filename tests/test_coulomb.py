@@ -163,6 +163,16 @@ def test_its_solver_has_a_prefix(capfd):
             del given["snes_latin_friction_" + name]
 
 
+def test_the_view_has_its_steps(capfd):
+    given = PETSc.Options()
+    given["snes_view"] = None
+    try:
+        assert solve(rubbing("discs")).reason > 0
+    finally:
+        del given["snes_view"]
+    assert "interior-point methods for contacts with friction: last solve" in capfd.readouterr().out
+
+
 def test_a_solver_solves_again():
     """A reused solver, with other gaps, finds what a new one does."""
     scene = rubbing("discs")

@@ -277,6 +277,6 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(SNESView(newton->snes, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
-  }
+  } else if (newton->steps) PetscCall(PetscViewerASCIIPrintf(viewer, "interior-point methods for contacts with friction: last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages\n", newton->steps, newton->stages));
   PetscFunctionReturn(0);
 }
