@@ -1,5 +1,6 @@
 """Coulomb friction in chains of contacts: an interior-point method without an energy."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,7 +60,20 @@ def test_smaller_errors(error):
     found = solve(scene, error=error)
     assert found.reason > 0
     assert missed(scene, found.u, found.tensions) < 10 * error
-    assert far(found.tensions, solve(scene, error=1e-10).tensions) < error
+    best = solve(scene, error=1e-10)
+    assert best.reason > 0
+    assert far(found.tensions, best.tensions) < error
+
+
+@pytest.mark.parametrize("error", [1e-8, 1e-10])
+@pytest.mark.parametrize("name", ["spheres", "rough spheres"])
+def test_errors_next_to_rounding(name, error):
+    """Products of tensions and elongations are rounding then, of either sign."""
+    scene = rubbing(name)
+    found = solve(scene, error=error)
+    assert found.reason > 0
+    assert found.estimated_error <= error
+    assert missed(scene, found.u, found.tensions) < 10 * error
 
 
 @pytest.mark.parametrize("units", [2.0**-30, 2.0**30])
@@ -138,6 +152,87 @@ def test_no_self_stress_where_none_is_needed():
     assert found.reason > 0
     assert missed(scene, found.u, found.tensions) < 1e-8
     assert np.abs(found.tensions[[0, 2]]).max() < 200.0
+
+
+def overlapped(angles, gaps, friction):
+    """Make a grain without load among walls, some of which it overlaps: there is room to move away from them."""
+    n = len(angles)
+    turn = np.radians(angles)
+    normal = np.column_stack([np.cos(turn), np.sin(turn)])
+    frames = np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=1)
+    fixed = np.ones((n + 1, 2), bool)
+    fixed[0] = False
+    return Scene(
+        name="overlapped", nodes=np.vstack([np.zeros((1, 2)), normal]), fixed=fixed, load=np.zeros((n + 1, 2)),
+        links=np.repeat([[0, wall + 1] for wall in range(n)], 2, axis=0), law=[Law.FRICTION, Law.TANGENT] * n,
+        stiffness=[0.0] * (2 * n), initial_elongation=np.column_stack([gaps, np.zeros(n)]).ravel(),
+        friction=np.column_stack([friction, np.zeros(n)]).ravel(), direction=frames.reshape(-1, 2),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("units", [2.0**-30, 1.0, 2.0**30])
+@pytest.mark.parametrize(
+    ("angles", "gaps", "friction"),
+    [
+        ((75, 45, 195), (0.023, 0.003, -0.003), (0.0, 0.3, 0.3)),
+        ((300, 225, 90, 0), (0.020, -0.003, -0.008, 0.016), (0.3, 0.3, 0.6, 0.0)),
+        ((180, 195, 315), (-0.009, 0.026, -0.001), (0.3, 0.9, 0.6)),
+    ],
+)
+def test_where_nothing_bears(angles, gaps, friction, units):
+    """No load: all contacts open or touch, and tensions vanish, to which errors and work cannot be compared."""
+    scene = overlapped(angles, units * np.array(gaps), friction)
+    found = solve(replace(scene, nodes=units * scene.nodes))
+    assert found.reason > 0
+    x = scene.initial_elongation[::2] - scene.directions[::2] @ found.u[0]
+    assert x.min() > -1e-8 * units
+    assert np.abs(found.tensions).max() < 1e-12
+
+
+def test_what_friction_holds_does_not_move():
+    """Displacements are rounding, whose own error is no matter: contacts that touch bear the loads, bars nothing."""
+    nodes = np.array([
+        [0.18, -0.83, 1.5], [0.13, 0.91, 1.16], [0.08, 0.65, -0.15], [-0.62, 0.38, 0.77], [0.13, 1.91, 1.16],
+        [0.08, -0.35, -0.15], [-0.42, -0.33, 0.86], [-1.0, 0.67, 0.89], [0.98, -0.83, 0.66], [0.33, 2.13, 1.17],
+        [-0.41, 2.01, 1.23], [-0.66, -0.08, 1.56],
+    ])  # fmt: skip
+    touch = np.array([[1, 3], [1, 4], [2, 5], [0, 1], [0, 6]])
+    bars = np.array([[0, 7], [1, 8], [2, 9], [2, 10], [2, 11]])
+    along = nodes[touch[:, 1]] - nodes[touch[:, 0]]
+    frames = np.linalg.qr(np.stack([along, *np.eye(3)[[0, 1]].repeat(5, 0).reshape(2, 5, 3)], axis=2))[0]
+    frames *= np.sign((frames[:, :, 0] * along).sum(axis=1))[:, None, None]
+    fixed = np.ones(nodes.shape, bool)
+    fixed[:3] = False
+    load = np.zeros(nodes.shape)
+    load[1:3] = [-0.61, -1.88, -1.62], [0.61, -0.44, -2.9]
+    scene = Scene(
+        name="held", nodes=nodes, fixed=fixed, load=load, links=np.vstack([touch.repeat(3, 0), bars]),
+        law=[Law.FRICTION, Law.TANGENT, Law.TANGENT] * 5 + [Law.BAR, Law.CABLE] + [Law.COMPRESSION_ONLY] * 3,
+        stiffness=[0.0] * 15 + [1812.0, 5.0, 38.0, 2.0, 8.0], friction=[1e3, 0.0, 0.0] * 5 + [0.0] * 5,
+        initial_elongation=[0.0] * 15 + [0.005, 0.012, 0.006, 0.009, 0.017],
+        direction=np.vstack([frames.transpose(0, 2, 1).reshape(-1, 3), np.zeros((5, 3))]),
+    )  # fmt: skip
+    found = solve(scene)
+    assert found.reason > 0
+    assert np.abs(found.u).max() < 1e-12
+    assert missed(scene, found.u, found.tensions) < 1e-8
+
+
+SHORT = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import petsc4py
+petsc4py.init([*sys.argv, "-info"])
+from test_coulomb import overlapped, solve
+solve(overlapped((285, 315, 30, 225, 15), (-0.011, 0.019, -0.007, -0.007, -0.005), (0.9, 0.3, 0.3, 0.6, 0.9)))
+"""
+
+
+def test_no_step_leaves_the_cones(mpirun):
+    """Past the apex of a cone, or across it by cancellation: steps of no length would be all that is left."""
+    lengths = [float(x) for x in re.findall(r"length ([\d.e+-]+):", mpirun(1, SHORT, alone=True).stdout)]
+    assert len(lengths) > 10
+    assert min(lengths) > 1e-12
 
 
 def test_the_limit_of_stages_is_kept():

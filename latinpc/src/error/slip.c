@@ -158,9 +158,9 @@ static PetscReal LatinSlipLongest(PetscInt dim, const PetscReal v[], const Petsc
   }
   size   = PetscSqrtReal(size);
   inside = PetscMax(v[0] - size, PETSC_MACHINE_EPSILON * v[0]) * (v[0] + size);
-  root   = PetscSqr(b) - a * inside;
-  root   = root > 0.0 ? PetscSqrtReal(root) - b : 0.0;
-  return root > 0.0 ? PetscMin(most, inside / root) : most;
+  if (a >= 0.0 && b >= 0.0) return most;
+  root = PetscSqrtReal(PetscMax(PetscSqr(b) - a * inside, 0.0));          /* negative by rounding alone, for steps through the apex */
+  return PetscMin(most, b > 0.0 ? (root + b) / -a : inside / (root - b)); /* no difference of near numbers */
 }
 
 /* Shortens a step so that it keeps all X and S in their cones, and adds the products X.S after it (*sum, if not NULL). Not collective */

@@ -39,7 +39,7 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
    step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
    ones. *creeps: number of such steps. Collective
 */
-static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
+static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal firm, PetscReal mean, PetscInt *creeps, PetscBool *done)
 {
   PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
   PetscScalar push;
@@ -54,6 +54,8 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
     c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain); /* elastic links at a kink of their law have other tensions in the interior */
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON) * c->inside * c->count * firm); /* nothing bears: rounding of the tensions of the initial point, */
+  sum[2] = PetscMax(sum[2], PETSC_MACHINE_EPSILON * c->inside * c->count);                  /* and of their work */
   PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, c->structure->load, c->r));
   if (more) PetscCall(VecAXPY(c->r, -1.0, more));
   PetscCall(VecNorm(c->r, NORM_2, &unbalance));
@@ -69,6 +71,7 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
   if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || ++*creeps > LATIN_COULOMB_CREEPS);
+  if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
   PetscCall(
     PetscInfo(c->structure, "length %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)left, (double)unbalance, (double)most, (double)newton->error, (double)newton->tensions));
@@ -116,7 +119,8 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
     PetscCall(LatinPrimalDualIterate_Private(c, &mean, &failed));
     newton->steps++;
     if (failed) continue;
-    PetscCall(LatinCoulombDone_Private(c, newton, more, mean, &creeps, done));
+    mean = PetscMax(mean, c->least); /* less is rounding, of either sign */
+    PetscCall(LatinCoulombDone_Private(c, newton, more, firm, mean, &creeps, done));
     if (++since < LATIN_COULOMB_SLOW) continue;
     if (mean > 0.5 * mark) {
       PetscCall(LatinCoulombLift_Private(c, newton->latin->sub.link_stiffness, PetscSqrtReal(LATIN_COULOMB_LIFT * mean / first), &mean));
