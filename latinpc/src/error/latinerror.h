@@ -186,7 +186,7 @@ typedef struct {
   PetscReal      unbalance;      /* relative to the initial one */
   PetscReal      length;         /* of the last step */
   PetscReal      least;          /* mean product that steps aim at, at least */
-  PetscReal      inside;         /* product y s of links that are as far inside as the initial point requires */
+  PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
   PetscInt       lifts;   /* of the point, see snes/coulomb.c */

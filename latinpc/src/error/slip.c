@@ -44,7 +44,7 @@ static void LatinSlipTensionSteps(const LatinPrimalDual *c, const LatinSlip *sli
   for (PetscInt i = 1; i < c->structure->dim; i++) dX[i] = c->dt[slip->link + i];
 }
 
-/* Initial point: S as far inside as the normal part, no tangential tension; c->w: weights. Not collective */
+/* Initial point: S as far inside as the normal part, no tangential tension. Not collective */
 void LatinSlipsStart(LatinPrimalDual *c)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
@@ -55,7 +55,7 @@ void LatinSlipsStart(LatinPrimalDual *c)
       slip->S[i] = -c->x[slip->link + i];
       sum += PetscSqr(slip->S[i]);
     }
-    slip->S[0] = PetscSqrtReal(sum) + PetscSqrtReal(c->inside / c->w[slip->link]);
+    slip->S[0] = PetscSqrtReal(sum) + c->inside[1];
   }
 }
 

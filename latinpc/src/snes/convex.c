@@ -31,10 +31,7 @@ PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal st
   PetscFunctionReturn(0);
 }
 
-/*
-   Initial point: all links are bars of weights W; tensions y and elongations s at bounds are at least those whose products are that of
-   their mean sizes. Collective
-*/
+/* Initial point: all links are bars of weights W; bounds and elongations of either sign are drawn to the mean size of their kind. Collective */
 PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
 {
   PetscReal sum[3] = {0.0, 0.0, 0.0}; /* squares of tensions and elongations of unilateral links; products s y */
@@ -56,16 +53,15 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, Pet
     sum[1] += PetscSqr(c->x[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  c->inside = PetscSqrtReal(sum[0]) * PetscSqrtReal(sum[1]) / c->count;
-  if (!(c->inside > 0.0)) *failed = PETSC_TRUE;
+  for (PetscInt k = 0; k < 2; k++) c->inside[k] = PetscSqrtReal(sum[k] / c->count);
+  if (!(c->inside[0] > 0.0) || !(c->inside[1] > 0.0)) *failed = PETSC_TRUE;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
-    const PetscInt  l = k / 2, sign = (PetscInt)LatinBoundSign(k % 2);
-    const PetscReal least = PetscSqrtReal(c->inside / c->w[l]);
-    LatinBound     *at    = LatinBoundAt(c, l, k % 2);
+    const PetscInt l = k / 2, sign = (PetscInt)LatinBoundSign(k % 2);
+    LatinBound    *at = LatinBoundAt(c, l, k % 2);
 
     if (!at) continue;
-    at->y   = PetscMax(sign * c->t[l], c->w[l] * least);
-    at->s   = PetscMax(-sign * c->x[l], least);
+    at->y   = PetscMax(sign * c->t[l], c->inside[0]);
+    at->s   = PetscMax(-sign * c->x[l], c->inside[1]);
     c->t[l] = sign * at->y;
     sum[2] += at->y * at->s;
   }

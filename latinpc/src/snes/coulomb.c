@@ -39,7 +39,7 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
    step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
    ones. *creeps: number of such steps. Collective
 */
-static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal firm, PetscReal mean, PetscInt *creeps, PetscBool *done)
+static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
 {
   PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
   PetscScalar push;
@@ -54,8 +54,8 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
     c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain); /* elastic links at a kink of their law have other tensions in the interior */
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON) * c->inside * c->count * firm); /* nothing bears: rounding of the tensions of the initial point, */
-  sum[2] = PetscMax(sum[2], PETSC_MACHINE_EPSILON * c->inside * c->count);                  /* and of their work */
+  sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON * c->inside[0]) * c->count);      /* nothing bears: rounding of the tensions of the initial point, */
+  sum[2] = PetscMax(sum[2], PETSC_MACHINE_EPSILON * c->inside[0] * c->inside[1] * c->count); /* and of their work */
   PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, c->structure->load, c->r));
   if (more) PetscCall(VecAXPY(c->r, -1.0, more));
   PetscCall(VecNorm(c->r, NORM_2, &unbalance));
@@ -79,22 +79,21 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
 }
 
 /* Moves the point farther inside: all tensions and elongations at bounds by `part` of what they are inside at the initial point. Collective */
-static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal part, PetscReal *mean)
+static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal part, PetscReal *mean)
 {
   PetscReal sum = 0.0;
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
-    const PetscReal more = part * PetscSqrtReal(c->inside / stiffness[k / 2]);
-    LatinBound     *at   = LatinBoundAt(c, k / 2, k % 2);
+    LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
 
     if (!at) continue;
-    at->y += stiffness[k / 2] * more;
-    at->s += more;
-    c->t[k / 2] += LatinBoundSign(k % 2) * stiffness[k / 2] * more;
+    at->y += part * c->inside[0];
+    at->s += part * c->inside[1];
+    c->t[k / 2] += LatinBoundSign(k % 2) * part * c->inside[0];
     sum += at->y * at->s;
   }
-  for (PetscInt k = 0; k < c->slips; k++) c->slip[k].S[0] += part * PetscSqrtReal(c->inside / stiffness[c->slip[k].link]);
+  for (PetscInt k = 0; k < c->slips; k++) c->slip[k].S[0] += part * c->inside[1];
   PetscCall(LatinPrimalDualElongations_Private(c));
   sum += LatinSlipsProducts(c, 0.0);
   PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
@@ -120,10 +119,10 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
     newton->steps++;
     if (failed) continue;
     mean = PetscMax(mean, c->least); /* less is rounding, of either sign */
-    PetscCall(LatinCoulombDone_Private(c, newton, more, firm, mean, &creeps, done));
+    PetscCall(LatinCoulombDone_Private(c, newton, more, mean, &creeps, done));
     if (++since < LATIN_COULOMB_SLOW) continue;
     if (mean > 0.5 * mark) {
-      PetscCall(LatinCoulombLift_Private(c, newton->latin->sub.link_stiffness, PetscSqrtReal(LATIN_COULOMB_LIFT * mean / first), &mean));
+      PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * mean / first), &mean));
       c->lifts++;
     }
     mark  = mean;
