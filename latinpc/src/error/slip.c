@@ -163,7 +163,7 @@ static PetscReal LatinSlipLongest(PetscInt dim, const PetscReal v[], const Petsc
   return PetscMin(most, b > 0.0 ? (root + b) / -a : inside / (root - b)); /* no difference of near numbers */
 }
 
-/* Shortens a step so that it keeps all X and S in their cones, and adds the products X.S after it (*sum, if not NULL). Not collective */
+/* Shortens a step so that it keeps all X and S in their cones. Not collective */
 void LatinSlipsLength(const LatinPrimalDual *c, PetscReal *length)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
