@@ -30,7 +30,7 @@ INTERIOR = {
     "LATIN_COULOMB_LESS": ("", "With 1 the tensions of a random structure with a self-stress creep for 200 steps."),
     "LATIN_COULOMB_REST": ("", "As `LATIN_NEWTON_REST`."),
     "LATIN_COULOMB_CREEPS": ("steps", "They only confirm: the tensions do not change any more."),
-    "LATIN_COULOMB_REFINED": ("solves", "The second one removes what the first leaves in grains without forces."),
+    "LATIN_COULOMB_REFINED": ("solves", "With 1 a block held by friction misses balance by more than rounding."),
     "LATIN_COULOMB_FLOOR": (
         "of the search parameter",
         "The same 69: solved 50 with 0, 58 with 1e-10, 52 with less the nearer the solution is.",

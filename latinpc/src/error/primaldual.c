@@ -97,6 +97,7 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
 PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool slips)
 {
   LatinFactorStatus status = {.ierr = 0};
+  PetscBool         failed;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = c->reference + PetscMax(c->w[l], c->floor);
@@ -106,8 +107,10 @@ PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool sli
     PetscCall(LatinStructureAssemble_Private(c->structure, c->rhs, c->A));
   } else PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
-  if (c->structure->rubs) PetscCall(LatinFactorTry_Private(c->ksp, c->A, &status));
-  c->singular = LatinFactorFailed(&status);
+  if (!c->structure->rubs) PetscFunctionReturn(0);
+  PetscCall(LatinFactorTry_Private(c->ksp, c->A, &status));
+  failed = LatinFactorFailed(&status);
+  PetscCall(MPIU_Allreduce(&failed, &c->singular, 1, LATIN_MPI_BOOL, MPI_LOR, PetscObjectComm((PetscObject)c->structure)));
   PetscFunctionReturn(0);
 }
 

@@ -14,8 +14,8 @@
 #define LATIN_COULOMB_REFINED   2                              /* solves for the least tensions */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5)  /* stiffness left in links, relative to their search parameters: holds grains without forces */
 #define LATIN_COULOMB_CREEPS    10                             /* most steps that only creep */
-#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6)  /* sum of the products relative to the work of tensions and loads: small enough, if the square of the error asked for is no less, */
-#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8)  /* to this */
+#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6)  /* sum of the products, relative to the work of tensions and loads, that is small enough; less where the square of the requested error is less, */
+#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8)  /* but no less than this */
 #define LATIN_COULOMB_LEAST     1e-3                           /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
 
 /* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
@@ -41,7 +41,7 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
+  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
   PetscScalar push;
 
   PetscFunctionBegin;
@@ -65,9 +65,10 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   PetscCall(LatinEquilibriumPoint_Private(c->structure, &least));
   newton->error    = size > 0.0 ? moved / size : 0.0;
   newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
-  left             = mean * c->count / (sum[2] + PetscAbsScalar(push));
+  work             = sum[2] + PetscAbsScalar(push);
+  left             = mean * c->count / work;
   goal             = PetscMin(LATIN_COULOMB_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
-  c->least         = LATIN_COULOMB_LEAST * goal * mean / left;
+  c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
   if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || ++*creeps > LATIN_COULOMB_CREEPS);

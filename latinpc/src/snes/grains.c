@@ -1,8 +1,9 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the friction cones are a solution: nothing moves, so that no contact slips. Without
-   such tensions the structure collapses (structure/frictioncones.c).
+   Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the
+   friction cones are a solution: nothing moves, so that no contact slips. Without such tensions the structure collapses
+   (structure/frictioncones.c).
 */
 
 /* Has a structure with friction collapsed? Displacements are larger than the structure, and forces do not balance. Collective on snes */
