@@ -8,6 +8,7 @@ import oracle
 import pytest
 from lcp import step
 from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
+from random_motions import step_errors
 from support import grid, logged
 
 from latinpc.bench.extremes.drawn import draw
@@ -286,3 +287,17 @@ def test_what_moves_is_not_at_rest_for_light_nodes(light):
             it.step()
             assert it.ts.getSNES().getConvergedReason() > 0
             assert np.allclose(it.v[:, 0], 1.0 / (2.0 + light), rtol=3e-4)
+
+
+@pytest.mark.parametrize("h", [1e-2, 1e-1])
+def test_grains_with_friction_settle(h):
+    """Discs, some of whose contacts are open: where the iteration stalls the interior-point method finds the step."""
+    scene = make("packing", law="friction", side=20)
+    velocity = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, scene.nodes.shape))
+    scene = replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity)
+    with motion(scene, h) as it:
+        for _ in range(8):
+            u, v = it.u, it.v
+            it.step()
+            assert it.iterations < 250
+            assert max(step_errors(scene, h, u, v, it.u, it.v, it.tensions).values()) < 1e-5

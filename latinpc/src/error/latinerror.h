@@ -210,6 +210,12 @@ static inline PetscReal LatinBoundSign(PetscInt side)
   return side ? -1.0 : 1.0;
 }
 
+/* Has a link no tension in a time step, open at its start? Its gap is no number to calculate with */
+static inline PetscBool LatinPrimalDualOpen(const LatinPrimalDual *c, PetscInt l)
+{
+  return (PetscBool)(LatinLaws[c->structure->law[l]].rigid && PetscAbsReal(c->structure->e0[l]) > LATIN_FAR);
+}
+
 /* The side of a link, NULL if it has no bound there, or if its tension is constant */
 static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
 {

@@ -23,10 +23,10 @@ static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    PetscReal bound[2] = {0.0, 0.0}; /* of the tangential parts of contacts, see error/slip.c */
+    PetscReal bound[2] = {0.0, 0.0}; /* of the tangential parts of contacts, see error/slip.c, and of open links */
 
     if (LatinPrimalDualFollows(c, l)) bound[0] = -(bound[1] = INFINITY);
-    else if (c->structure->law[l] != LATIN_LAW_TANGENT) LatinLinkBounds(c->structure, l, bound);
+    else if (c->structure->law[l] != LATIN_LAW_TANGENT && !LatinPrimalDualOpen(c, l)) LatinLinkBounds(c->structure, l, bound);
     c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
     for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
     for (PetscInt i = 0; i < 2; i++) sum[0] += LatinBoundAt(c, l, i) ? 1.0 : 0.0;

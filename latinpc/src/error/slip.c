@@ -15,7 +15,13 @@
    There is no energy: the path to the solution may turn back, and then steps become short.
 */
 
-/* Slips of the contacts here: those with a coefficient of friction. Not collective */
+/* May a contact slip: is link l one with a coefficient of friction, and not open? */
+static PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
+{
+  return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && !LatinPrimalDualOpen(c, l));
+}
+
+/* Slips of the contacts here. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
 {
   const LatinStructure structure = c->structure;
@@ -23,10 +29,10 @@ PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
 
   PetscFunctionBegin;
   if (!structure->rubs || structure->dim == 1) PetscFunctionReturn(0);
-  for (PetscInt l = 0; l < c->n; l++) n += structure->law[l] == LATIN_LAW_FRICTION && structure->friction[l] > 0.0;
+  for (PetscInt l = 0; l < c->n; l++) n += LatinSlipMay(c, l);
   PetscCall(PetscCalloc1(n, &c->slip));
   for (PetscInt l = 0; l < c->n; l++)
-    if (structure->law[l] == LATIN_LAW_FRICTION && structure->friction[l] > 0.0) c->slip[c->slips++].link = l;
+    if (LatinSlipMay(c, l)) c->slip[c->slips++].link = l;
   PetscFunctionReturn(0);
 }
 

@@ -135,7 +135,7 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
 /* Is the rigid link l open: is its tension small beside its elongation? Not collective */
 static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscReal stiffness)
 {
-  PetscBool open = PETSC_FALSE;
+  PetscBool open = LatinPrimalDualOpen(c, l);
 
   for (PetscInt i = 0; i < 2; i++) {
     const LatinBound *at = LatinBoundAt(c, l, i);
@@ -178,7 +178,8 @@ static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
 
 /*
    Tensions of closed links may contain a self-stress, which the interior-point method leaves as large as it starts. Replaces them by the least ones
-   that balance the same forces, relative to their search parameters, if these are compressive and inside the friction cones. Collective
+   that balance the same forces, relative to their search parameters, if these are compressive and inside the friction cones. Not in a time step, where masses would
+   bear a part of these forces. Collective
 */
 static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscReal stiffness[])
 {
@@ -187,6 +188,7 @@ static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscR
 
   PetscFunctionBegin;
   LatinCoulombStates(c, stiffness);
+  if (structure->ground) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
   PetscCall(PetscArrayzero(c->dx, c->n));
   for (PetscInt k = 0; k < LATIN_COULOMB_REFINED; k++) { /* the floor leaves a little */
