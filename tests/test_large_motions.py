@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from test_checkpoints import launch, result
 from turning import net
 
 import latinpc
+from latinpc.runs.motion import move
+from latinpc.scenes import make
 
 
 # ---- closed forms -----------------------------------------------------------------------------------
@@ -332,3 +335,20 @@ if __name__ == "__main__":
     if PETSc.COMM_WORLD.rank == 0:
         print(json.dumps(size))
     sys.exit(0)
+
+
+def test_a_step_too_long_to_be_found_ends_soon():
+    """It had taken all of the 10,000 linear stages; the message says which step, and what to do."""
+    scene = make("mast", wind=20000.0)
+    structure = latinpc.Structure.from_scene(replace(scene, mass=np.full(len(scene.nodes), 10.0)))
+    ts = structure.create_ts()
+    ts.setTimeStep(10.0)
+    ts.setMaxSteps(1)
+    ts.setErrorIfStepFails(False)
+    ts.setFromOptions()
+    ts.solve(ts.getSolution2()[0])
+    assert ts.getConvergedReason() == PETSc.TS.ConvergedReason.DIVERGED_NONLINEAR_SOLVE
+    assert ts.getSNES().getIterationNumber() < 3000
+    ts.destroy()
+    result = move(scene, 1, 10.0, mass=10.0)
+    assert "step 1, from 0 s to 10 s" in result.notices[-1] and "take shorter steps" in result.notices[-1]

@@ -270,7 +270,9 @@ def _massless(structure, ts):
 def _causes(ts, snes, structure, mass):
     """Return a sentence on why a step has not converged."""
     names = PETSc.SNES.ConvergedReason
-    text = f"step {ts.getStepNumber() + 1} has not converged: {reason_name(names, snes.getConvergedReason())}"
+    start, step = ts.getTime(), ts.getTimeStep()
+    text = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {quantity(start + step, 's', 6)}"
+    text += f", has not converged: {reason_name(names, snes.getConvergedReason())}"
     loose, nodes = solvers.unsupported_nodes(snes) if snes.getType() == "latin" else (0, [])
     if loose and not mass[nodes].any():
         named = structure.node_names(nodes, loose > len(nodes))
@@ -282,4 +284,6 @@ def _causes(ts, snes, structure, mass):
     if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
         contrast = heavy.max() / heavy.min()
         text += f"; masses differ by a factor of {contrast:.0e}: light nodes between heavy ones converge slowly"
+    if structure.geometry == "large" and not loose:
+        text += "; take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail"
     return [text]

@@ -9,18 +9,20 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_NEAR       2e-2                          /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR        0.01                          /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_WINDOW     8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW       2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
-#define LATIN_LARGE_LONG       20                            /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
-#define LATIN_LARGE_COST       30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED      5.0                           /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE       0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_REST       LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
-#define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
-#define LATIN_LARGE_STAGNATION 3                             /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
+#define LATIN_LARGE_NEAR   2e-2                          /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR    0.01                          /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_WINDOW 8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW   2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
+#define LATIN_LARGE_MOST   40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
+#define LATIN_LARGE_LONG   20                            /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
+#define LATIN_LARGE_COST   30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED  5.0                           /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE   0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_REST   LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
+#define LATIN_LARGE_IDLE   10                            /* if so many in a row do not halve the measure of the stop */
+#define LATIN_LARGE_PATIENCE \
+  500 /* linear stages of a time step that do not halve the measure of the stop, which end it: steps of masts, towers and bridges that never converge take a fifth of the stages; of steps of 0.03 to 100 s of six scenes two that took 6,000 and 10,000 are lost */
+#define LATIN_LARGE_STAGNATION 3 /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -58,6 +60,8 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
+  large->half     = PETSC_MAX_REAL;
+  large->halved   = 0;
   large->unstable = large->newton_failed = large->stateless = large->iterated = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
@@ -130,6 +134,16 @@ static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal
   return (PetscBool)(large->idle >= LATIN_LARGE_IDLE);
 }
 
+/* Is a time step given up? The equations of one that is long beside the periods may have no solution that can be found. Once a stage */
+static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscInt stage)
+{
+  if (measure <= 0.5 * large->half) {
+    large->half   = measure;
+    large->halved = stage;
+  }
+  return (PetscBool)(large->frame->turns->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
+}
+
 /* What follows this linear stage. Collective on snes */
 static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
@@ -152,7 +166,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
     if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
   }
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE && (SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE && (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE) {
     PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
     if (due) *next = LATIN_NEXT_REBUILD;

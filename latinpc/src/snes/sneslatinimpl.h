@@ -138,6 +138,8 @@ typedef struct {
   PetscInt  stages, window; /* linear stages in this window; stages of a window */
   PetscReal least, before;  /* least measure of this window and of the last one */
   PetscInt  idle;           /* linear stages in a row that change little and do not halve the measure of the stop */
+  PetscReal half;           /* the measure when it was last halved, */
+  PetscInt  halved;         /* and the linear stage */
   PetscReal lowest;         /* this measure before them */
   PetscReal near;           /* estimated error below which Newton's method is tried */
   PetscReal cost;           /* cost of a set-up, in linear stages */
