@@ -88,6 +88,26 @@ def test_supports_that_tear_a_rope_are_told():
         assert "Link 0 (inextensible) has prescribed displacements" in message(it.step)
 
 
+@pytest.mark.parametrize("law", [Law.CONTACT, Law.INEXTENSIBLE, Law.FRICTION])
+def test_supports_that_jam_a_row_are_told(law):
+    """A row of masses between two walls, one of which moves: no motion of the masses follows, and none is claimed."""
+    n, parts = 6, 2 if law == Law.FRICTION else 1
+    ends = np.column_stack([np.arange(n - 1), np.arange(1, n)])
+    fixed = np.zeros((n, 2), bool)
+    fixed[[0, -1]] = True
+    scene = Scene(
+        name="row", nodes=np.outer(np.arange(n), [1.0, 0.0]), links=np.repeat(ends, parts, axis=0),
+        law=[law, Law.TANGENT][:parts] * (n - 1), stiffness=np.zeros(parts * (n - 1)), fixed=fixed, mass=np.ones(n),
+        direction=np.tile(np.eye(2)[:parts], (n - 1, 1)), friction=np.full(parts * (n - 1), 0.3 * (parts - 1)),
+    )  # fmt: skip
+    way = -1.0 if law == Law.INEXTENSIBLE else 1.0
+    with motion(scene, 1e-2) as it:
+        it.structure.set_prescribed(np.outer(np.eye(n)[0], [0.01 * way, 0.0]))
+        assert "DIVERGED" in message(it.step)
+        assert it.iterations < 1000
+        assert latinpc.jammed_links(it.ts.getSNES()) == (n - 1, list(range(0, parts * (n - 1), parts)))
+
+
 def test_a_belt_drags_a_block():
     """Friction takes it along: it speeds up by mu g, until it has the velocity of the belt."""
     mu, speed, h = 0.3, 1.0, 1e-2

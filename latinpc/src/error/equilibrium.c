@@ -228,7 +228,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
 }
 
 /* missed: greatest distance by which rigid links miss their gaps; 0 if displacements are rounding, and so are the gaps or what is missed of them. norm: l2 norm of u; still: as in LatinEquilibrium. Collective */
-static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal target, PetscBool still, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
   PetscReal            size, prescribed, most;
@@ -237,11 +237,13 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   PetscFunctionBegin;
   *missed = 0.0;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (structure->ground && !still) *missed = balance->gap;
-  if (structure->ground) PetscFunctionReturn(0); /* a time step has neither gaps nor coordinates to compare with: closed links */
-  PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
+  if (structure->ground) { /* a time step has neither gaps nor coordinates to compare with: closed links; supports alone jam them, and tensions without bound then hide what they miss */
+    if (!still || (prescribed > LATIN_GAP_POINT * size && balance->gap > target * prescribed)) *missed = balance->gap;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(VecNorm(u, NORM_INFINITY, &most));
   moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || (gaps && balance->gap > LATIN_GAP_POINT * size)) *missed = balance->gap;
@@ -269,7 +271,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnheld_Private(PetscObjectComm((PetscObject)structure), &judge.unheld, found));
   found->at_rest = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
-  PetscCall(LatinGapError_Private(&balance, u, size, found->at_rest, &missed));
+  PetscCall(LatinGapError_Private(&balance, u, size, target, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
@@ -375,7 +377,7 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(VecZeroEntries(forces));
   PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* e0 and prescribed displacements alone */
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid ? sign * dtau[l] : 0.0;
+    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT ? sign * dtau[l] : 0.0; /* friction bars no displacement */
 
     dtau[l] = sign * PetscMax(0.0, grows);
     sum[0] += dtau[l] * x[l];
@@ -383,7 +385,7 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
     most[0] = PetscMax(most[0], grows);
     most[1] = PetscMax(most[1], -grows);
   }
-  PetscCall(LatinStructureForces_Private(structure, dtau, u, NULL, forces));
+  PetscCall(LatinStructureForces_Private(structure, dtau, forces, NULL, forces)); /* without the springs of a time step, as forces are zero */
   PetscCall(VecNorm(forces, NORM_2, &left));
   PetscCall(VecNorm(u, NORM_2, &moved));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
@@ -416,7 +418,7 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   Vec            u;
 
   PetscFunctionBegin;
-  if (structure->rigid_law < 0 || structure->rubs || structure->ground) PetscFunctionReturn(0); /* rigid links of a time step have no gap, or are open */
+  if (structure->rigid_law < 0 || (structure->rubs && !structure->ground)) PetscFunctionReturn(0);
   PetscCall(PetscMalloc2(structure->links_local, &before, structure->links_local, &dtau));
   PetscCall(PetscArraycpy(before, latin->linear.rigid_tension, structure->links_local));
   PetscCall(LatinInitialState_Private(&latin->linear, z));

@@ -78,7 +78,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* relative to loads small tensions may be rounding */
   *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
-  if (!structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* not in time steps: their rigid links have no gaps, or no tension */
+  PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found));
   *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);

@@ -6,7 +6,7 @@
 */
 
 #define LATIN_DIGITS_SAFETY 2.0  /* safety factor on errors known to their order of magnitude */
-#define LATIN_NEWTON_AFTER  1000 /* most linear stages after a failure of Newton's method without rigid links: usually there is no equilibrium */
+#define LATIN_NEWTON_AFTER  1000 /* most linear stages after a failure of Newton's method without rigid links, or of the interior-point method in a time step: usually there is no solution */
 
 /* Is the error of Newton's method above the rounding of this precision? Else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
@@ -183,7 +183,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
-  if (own && elastic) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  if ((own && elastic) || (structure->rubs && structure->ground)) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
