@@ -177,6 +177,7 @@ def test_command_refuses(tmp_path):
         (["lattice", "--time-step", 1e-3], "--num-steps"),
         (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),
         (["bouncing-chain", "--num-steps", 3, "--reference"], "statics"),
+        (["bouncing-chain", "--num-steps", 3, "-ts_max_time", -1], "from 0 s to -1 s has no step"),
     ):
         assert words in said(latinpc("solve", *arguments, code=2))[0]
 

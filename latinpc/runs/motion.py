@@ -192,6 +192,8 @@ def _move(recorder, step):
     if ts.getType() == "latin":
         ts.setUp()  # a geometry that an option gives is that of the structure from here on
     done, kept = keeper.resume(ts)
+    if not done and ts.getMaxTime() <= ts.getTime():
+        raise ValueError(f"a motion from {ts.getTime():g} s to {ts.getMaxTime():g} s has no step: check -ts_max_time")
     recorder.past |= kept
     notices = unknown_options()
     if not done:
