@@ -92,6 +92,10 @@ LARGE = {
         "Saddles of 60 and 100 meshes take 140 and 630 ms, with 30 for all 180 and 730; 0.15: one of 300 creeps.",
     ),
     "LATIN_LARGE_REST": ("", "Some way above 5e-13, where the indicator of the mast and the tower comes to rest."),
+    "LATIN_LARGE_PATIENCE": (
+        "stages",
+        "Of steps that never converge; of those of 0.03 to 100 s of six scenes two are lost.",
+    ),
     "LATIN_LARGE_IDLE": ("stages", "They only confirm: each tenth of the indicator takes 2 to 5."),
     "LATIN_LARGE_STAGNATION": (
         "set-ups",

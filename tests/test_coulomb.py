@@ -310,3 +310,12 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
         one, two, four = (np.load(tmp_path / f"u{ranks}-{name}.npy") for ranks in (1, 2, 4))
         assert far(two, one) < 1e-6
         assert far(four, one) < 1e-6
+
+
+def test_grains_that_hold_no_one_else():
+    """At the end they have no stiffness beside that of their contacts but rounding: steps were of any length."""
+    scene = make("packing", law="friction", side=64, friction=0.05, seed=1)
+    found = solve(scene)
+    assert found.reason > 0
+    assert found.iterations < 300
+    assert missed(scene, found.u, found.tensions) < 1e-5

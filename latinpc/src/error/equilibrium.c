@@ -274,6 +274,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(LatinGapError_Private(&balance, u, size, target, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
 
+  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum.error <= sum.hides[energy ? 0 : 1]) sum.error = 0.0; /* less than rounding moves it */
   found->balanced = (PetscBool)(sum.error == 0.0);
   found->left     = PetscSqrtReal(sum.left);
   if (sum.load > 0.0) found->rounding = PetscSqrtReal(sum.hidden / sum.load);

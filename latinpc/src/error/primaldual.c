@@ -93,6 +93,20 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscFunctionReturn(0);
 }
 
+/* Adds to the diagonal of A what is rounding of it: grains that hold each other and no one else have no other stiffness near a solution. Collective */
+static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
+{
+  Vec diagonal;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(c->structure->dm, &diagonal));
+  PetscCall(MatGetDiagonal(c->A, diagonal));
+  PetscCall(VecScale(diagonal, LATIN_MECHANISM));
+  PetscCall(MatDiagonalSet(c->A, diagonal, ADD_VALUES));
+  PetscCall(DMRestoreGlobalVector(c->structure->dm, &diagonal));
+  PetscFunctionReturn(0);
+}
+
 /* Sets A = B^t (R + W) B, which the next solve factors. With friction it is assembled, and factored here; slips: with the tangent stiffnesses of contacts. Collective */
 PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool slips)
 {
@@ -105,6 +119,7 @@ PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool sli
     PetscCall(MatZeroEntries(c->A));
     if (slips) PetscCall(LatinSlipsAdd_Private(c, c->A));
     PetscCall(LatinStructureAssemble_Private(c->structure, c->rhs, c->A));
+    PetscCall(LatinPrimalDualShift_Private(c));
   } else PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
   if (!c->structure->rubs) PetscFunctionReturn(0);

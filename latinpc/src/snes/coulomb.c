@@ -37,12 +37,13 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 /*
    Is the point a solution: products and unbalance small, and displacements and tensions changed by less than the errors asked for in the last
    step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
-   ones. *creeps: number of such steps. Collective
+   ones. *creeps: number of such steps, but those in which displacements halve: these lead to rest. Collective
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
+  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most, inertia; /* squared steps of tensions, tensions, work */
   PetscScalar push;
+  PetscBool   rests = PETSC_FALSE;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
@@ -63,6 +64,11 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   PetscCall(VecNorm(c->dd, NORM_2, &moved));
   PetscCall(VecNorm(c->d, NORM_2, &size));
   PetscCall(LatinEquilibriumPoint_Private(c->structure, &least));
+  if (c->structure->ground) { /* masses at rest: the forces of the last step are rounding of the tensions */
+    PetscCall(VecPointwiseMult(c->r, c->structure->ground, c->dd));
+    PetscCall(VecNorm(c->r, NORM_2, &inertia));
+    rests = (PetscBool)(inertia <= LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
+  }
   newton->error    = size > 0.0 ? moved / size : 0.0;
   newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   work             = sum[2] + PetscAbsScalar(push);
@@ -71,7 +77,7 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
-  if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || ++*creeps > LATIN_COULOMB_CREEPS);
+  if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
   PetscCall(

@@ -9,20 +9,19 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_NEAR   2e-2                          /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR    0.01                          /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_WINDOW 8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW   2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST   40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
-#define LATIN_LARGE_LONG   20                            /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
-#define LATIN_LARGE_COST   30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED  5.0                           /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE   0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_REST   LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
-#define LATIN_LARGE_IDLE   10                            /* if so many in a row do not halve the measure of the stop */
-#define LATIN_LARGE_PATIENCE \
-  500 /* linear stages of a time step that do not halve the measure of the stop, which end it: steps of masts, towers and bridges that never converge take a fifth of the stages; of steps of 0.03 to 100 s of six scenes two that took 6,000 and 10,000 are lost */
-#define LATIN_LARGE_STAGNATION 3 /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
+#define LATIN_LARGE_NEAR       2e-2                          /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR        0.01                          /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_WINDOW     8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW       2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
+#define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
+#define LATIN_LARGE_LONG       20                            /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
+#define LATIN_LARGE_COST       30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED      5.0                           /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE       0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_REST       LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
+#define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
+#define LATIN_LARGE_PATIENCE   500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
+#define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
