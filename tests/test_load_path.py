@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.optimize
 import turning
 from test_cli import latinpc as command
 from test_cli import said
@@ -171,6 +172,30 @@ def test_tensions_out_of_balance_move_a_mast_first():
     assert exact.factor == 1.0
     assert result.converged
     assert np.linalg.norm(result.displacements - exact.displacements) < 1e-7 * np.linalg.norm(exact.displacements)
+
+
+@pytest.mark.parametrize("shortening", [0.01, 0.05, 0.2])
+def test_turnbuckles_alone_tighten_a_simplex(shortening):
+    """Where nothing acts beside them the path ends where it starts, in the least energy of three unknowns."""
+    given = turning.simplex(0.0) | {"initial_elongation": np.repeat([0.0, shortening, 0.0], [6, 3, 3])}
+    del given["prestress"], given["load"]
+    structure = latinpc.Structure(**given, geometry="large")
+    result = structure.solve(error=1e-8)
+    third = np.arange(3) * 2.0 * np.pi / 3.0
+
+    def tensions(state):
+        radius, twist, rise = state
+        nodes = structure.nodes.copy()
+        nodes[3:] = np.column_stack([radius * np.cos(third + twist), radius * np.sin(third + twist), [rise] * 3])
+        length = np.linalg.norm(np.diff(nodes[structure.links], axis=1)[:, 0], axis=1)
+        strain = length - structure.lengths + structure.initial_elongation
+        return structure.stiffness * np.where(structure.law == latinpc.Law.CABLE, np.maximum(strain, 0.0), strain)
+
+    start = [1.0, np.deg2rad(150.0), 1.0]
+    least = scipy.optimize.minimize(lambda state: (tensions(state) ** 2).sum() / 1e8, start, tol=1e-14)
+    assert result.converged
+    assert result.iterations < 100
+    assert np.abs(result.tensions - tensions(least.x)).max() < 1e-5 * np.abs(result.tensions).max()
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])

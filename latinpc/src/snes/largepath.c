@@ -283,14 +283,14 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 {
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.reached;
-  PetscReal        corrected;
+  PetscReal        corrected, none = LATIN_PATH_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, where nothing more acts */
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;
   if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens every increment is too large by the tangent stiffness there */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
-  target->passed = (PetscBool)(corrected > LATIN_PATH_CORRECTED * more * path->far);
+  target->passed = (PetscBool)(corrected > PetscMax(LATIN_PATH_CORRECTED * more * path->far, none));
   PetscFunctionReturn(0);
 }
 
