@@ -172,7 +172,12 @@ class Checks:
         bears |= np.isfinite(values) & np.where(
             law == Law.CABLE, values > 0, (law == Law.COMPRESSION_ONLY) & (values < 0)
         )
-        refuse(~bears, "link", "has a prestress that its law cannot bear (a rigid law takes none)", values)
+        refuse(
+            ~bears,
+            "link",
+            "has a prestress that its law cannot bear (a rigid law takes none, a cable is pulled)",
+            values,
+        )
         return values
 
     def mass(self, values):
@@ -200,7 +205,10 @@ class Checks:
 
     def node_array(self, name, values, dtype=None):
         """Make a finite array of a row per node."""
-        given = shaped(name, values, self.shape, None, "a row per node, a column per direction")
+        meaning = "a row per node, a column per direction"
+        given = shaped(name, values, self.shape, None, meaning)
+        if self.shape[1] > 1 and np.ndim(values) == 0 and values:
+            raise ValueError(f"{name} must have the shape {self.shape}, {meaning}: one number does not say which")
         values = given.astype(self.dtype if dtype is None else dtype, copy=False)
         if dtype is bool:
             refuse(~np.isin(given, (0, 1)), "node", f"has a {name} that is neither true nor false", given)

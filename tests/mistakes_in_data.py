@@ -114,6 +114,7 @@ CASES = {
     "stiffness_nan": (r"link 3 \(nan\) needs a positive stiffness", lambda: spoiled("stiffness", 3, NAN)),
     "stiffness_infinite": (r"link 3 \(inf\) needs a positive stiffness", lambda: spoiled("stiffness", 3, INFINITE)),
     "coordinate_nan": (r"node 2 .* has a coordinate that is not finite", lambda: spoiled("nodes", (2, 0), NAN)),
+    "load_of_one_number": (r"load must have the shape \(5, 2\), .*one number does not say", lambda: square(load=-1e3)),
     "load_nan": (r"node 2 .* has a load that is not finite", lambda: spoiled("load", (2, 1), NAN)),
     "initial_elongation_nan": (
         r"link 2 .* has an initial elongation that is not finite",

@@ -181,7 +181,7 @@ FOREIGN = r"The vector has \d entries on a rank where the structure has \d free 
 CASES = {
     # structures that nothing can solve
     "node_without_link": (
-        r"Node 5 is free in direction 0 but no link reaches it; remove it, prescribe its displacement",
+        r"Node 5 is free along x but no link reaches it; remove it, prescribe its displacement",
         lambda: latinpc.Structure(np.vstack([NODES, [3, 3]]), LINKS, 0, 1e3, fixed=np.vstack([FIXED, [0, 0]])),
     ),
     "not_held": (

@@ -210,9 +210,7 @@ def test_statics_names_the_node():
     """In every solver, and where it lies: the first free one, the first direction in which it is free."""
     scene, flying, _ = with_flying(heavy(lattice()))
     structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
-    sentence = (
-        f"Node {flying[0]} is free in direction 1 but no link reaches it; remove it or prescribe its displacement"
-    )
+    sentence = f"Node {flying[0]} is free along y but no link reaches it; remove it or prescribe its displacement"
     for call in (structure.create_snes, lambda: set_up(structure), lambda: structure.attach(PETSc.SNES().create())):
         said = message(call)
         assert sentence in said and "in a motion (TS) only" in said
@@ -238,6 +236,6 @@ def test_nothing_flies_without_a_mass():
     none = np.where(np.arange(len(scene.mass)) == flying[1], 0.0, scene.mass)
     structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     for said in (message(latinpc.Structure.from_scene, replace(scene, mass=none)), message(structure.set_mass, none)):
-        assert f"Node {flying[1]} is free in direction 0 but no link reaches it; " in said
+        assert f"Node {flying[1]} is free along x but no link reaches it; " in said
         assert "or, for a motion, give it a mass" in said
     structure.set_mass(2.0 * scene.mass)

@@ -340,7 +340,7 @@ def test_a_node_without_links_is_one_sentence():
         "stiffness": 1.0,
         "fixed": [[1], [0], [0]],
     }
-    sentence = "^Node 2 is free in direction 0 but no link reaches it; [^\n]*$"
+    sentence = "^Node 2 is free along x but no link reaches it; [^\n]*$"
     with pytest.raises(ValueError, match=sentence):
         latinpc.Structure(**given)
     structure = latinpc.Structure(**given, mass=1.0)

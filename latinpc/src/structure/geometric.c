@@ -6,7 +6,7 @@
 static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
-  PetscCheck(structure->span, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "The geometric stiffness needs rotations of links, and the geometry of the structure is linear: set it to prestress or large with LatinStructureSetGeometry()");
+  PetscCheck(structure->span, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "The geometric stiffness needs rotations of links, and the geometry of the structure is linear: take -snes_latin_geometry prestress, or large");
   PetscFunctionReturn(0);
 }
 

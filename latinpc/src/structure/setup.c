@@ -276,8 +276,8 @@ PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, con
     if (!mass || !(mass[i] > 0.0)) first[1] = PetscMin(first[1], dof);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, first, 2, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)structure)));
-  PetscCheck(first[1] == PETSC_MAX_INT, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
-             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it, prescribe its displacement, or, for a motion, give it a mass", first[1] / dim, first[1] % dim);
+  PetscCheck(first[1] == PETSC_MAX_INT, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free along %c but no link reaches it; remove it, prescribe its displacement, or, for a motion, give it a mass",
+             first[1] / dim, "xyz"[first[1] % dim]);
   structure->flies = first[0] == PETSC_MAX_INT ? -1 : first[0];
   PetscFunctionReturn(0);
 }
@@ -287,8 +287,7 @@ PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
   PetscCheck(structure->ground || structure->flies < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
-             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement: a mass holds it in a motion (TS) only", structure->flies / structure->dim,
-             structure->flies % structure->dim);
+             "Node %" PetscInt_FMT " is free along %c but no link reaches it; remove it or prescribe its displacement: a mass holds it in a motion (TS) only", structure->flies / structure->dim, "xyz"[structure->flies % structure->dim]);
   PetscFunctionReturn(0);
 }
 
@@ -309,8 +308,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
     if (!LatinUnitVector(dim, structure->direction + dim * l, unit)) point = l;
   }
   LatinAgree(comm, soft >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()", structure->links_start + soft);
-  LatinAgree(comm, point >= 0, PETSC_ERR_ARG_WRONG,
-             "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinStructureSetDirections()",
+  LatinAgree(comm, point >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction",
              structure->links_start + point, structure->nodes[2 * point], structure->nodes[2 * point + 1]);
   PetscCall(LatinStructureCheckUnlinked_Private(structure, structure->mass));
   PetscCall(LatinStructureSetUpRigid_Private(structure));

@@ -60,7 +60,7 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckSetUp_Private(structure));
-  PetscCheck(structure->mass, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure has no masses: call LatinStructureSetMass() (in Python, latinpc.Structure(..., mass=...))");
+  PetscCheck(structure->mass, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure has no masses: give its nodes a mass each (in Python, latinpc.Structure(..., mass=...); in C, LatinStructureSetMass())");
   if (structure->inertia) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(dim * structure->nodes_local, &m));
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) m[i] = structure->mass[i / dim];
@@ -124,7 +124,7 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 PetscErrorCode LatinStepCheck_Private(LatinStructure base)
 {
   PetscFunctionBegin;
-  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions need the geometry linear or large, and the geometry of the structure is prestress: set it with LatinStructureSetGeometry()");
+  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions need the geometry linear or large, and the geometry of the structure is prestress: take -snes_latin_geometry large, or linear");
   PetscCheck(base->geometry == LATIN_GEOMETRY_LINEAR || base->rigid_law < 0, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions with large displacements are for elastic links, and the structure has links of the law %s: take %s",
              LatinLaws[PetscMax(0, base->rigid_law)].name, LatinLaws[PetscMax(0, base->rigid_law)].cure);
   PetscFunctionReturn(0);

@@ -311,8 +311,8 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
     else if (apart > LATIN_TURNING_OWN) own = l;
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
-  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry large, or linear",
-             structure->links_start + own, LatinGeometries[structure->geometry]);
+  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out its direction, or take -snes_latin_geometry large, or linear", structure->links_start + own,
+             LatinGeometries[structure->geometry]);
   if (structure->keeps) PetscCall(LatinTurningNatural_Private(structure, structure->e0));
   PetscFunctionReturn(0);
 }
@@ -321,7 +321,7 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
 PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
-  PetscCheck(structure->geometry == LATIN_GEOMETRY_LINEAR, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s links that keep their direction, and the geometry of the structure is %s: set it to linear with LatinStructureSetGeometry()", what,
+  PetscCheck(structure->geometry == LATIN_GEOMETRY_LINEAR, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s links that keep their direction, and the geometry of the structure is %s: take -snes_latin_geometry linear", what,
              LatinGeometries[structure->geometry]);
   PetscFunctionReturn(0);
 }
