@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Numbered", "Numbering"]
+__all__ = ["Numbered", "Numbering", "grouped"]
 
 #: What errors of the library say of nodes and links, counted from 0: "Nodes that move (counted from 0): 3, 4", "Link 5"
 _SAID = re.compile(
@@ -31,10 +31,24 @@ class Numbering:
         Number or name of each node; empty where a drawing has none, and the place of the node (m) stands for it.
     links : (m,) array of int or str, optional
         The same of the links; not given, they go by their nodes.
+    node_groups, link_groups : array of str, optional
+        Groups of each node and each link, such as layers of a drawing, with "; " between several.
     """
 
     nodes: np.ndarray
     links: np.ndarray | None = None
+    node_groups: np.ndarray | None = None
+    link_groups: np.ndarray | None = None
+
+
+def grouped(groups: Mapping[str, np.ndarray], count: int) -> np.ndarray | None:
+    """Return the groups of each of so many nodes or links, (count,) of str; None where groups of all say nothing."""
+    found = np.full(count, "", dtype=object)
+    for name, rows in groups.items():
+        rows = np.unique(rows)
+        if len(rows) < count:
+            found[rows] += np.where(found[rows] == "", name, f"; {name}").astype(object)
+    return found.astype(str) if found.any() else None
 
 
 class Numbered:

@@ -424,6 +424,25 @@ def test_tables_keep_the_names_of_the_file(tmp_path):
     assert (after.links == before.links).all() and after.nodes[3] == pytest.approx([3.0, 2.0, 1.0])
 
 
+def test_tables_keep_groups_and_sections(tmp_path):
+    """What the drawing groups, and the areas of its laws, are there for the loads and stresses of the next steps."""
+    drawing = tmp_path / "sail"
+    drawing.mkdir()
+    (drawing / "nodes.csv").write_text("node,x,y,z,fix,group\nA,0,0,2,xyz,feet\nB,6,0,0,xyz,feet; low\nmid,3,2,1,,\n")
+    cables = "start,end,law,EA,area,strength,group\nA,mid,cable,1e6,1e-5,1e9,net\nB,mid,cable,1e6,2e-5,1e9,net; edge\n"
+    (drawing / "members.csv").write_text(cables + "A,mid,cable,1e6,1e-5,1e9,stay\n")
+    command("form", drawing, "--density", 1000, "--csv", tmp_path / "members.csv", tmp_path / "nodes.csv")
+    scene = latinpc.read(tmp_path / "nodes.csv", load=["z=-10:edge", "x=1:low"], support="low", geometry="large")
+    assert scene.load.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, -10.0], [0.0, 0.0, -10.0]]
+    assert scene.area.tolist() == [1e-5, 2e-5, 1e-5] and scene.strength.tolist() == [1e9] * 3
+    result = scene.solve()
+    assert result.members["group"].tolist() == ["net", "net; edge", "stay"]
+    assert result.nodes["group"].tolist() == ["feet", "feet; low", ""]
+    found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, 1e3, EA=1e6, area=1e-5, strength=[1e9, 1e9, 2e9])
+    expected = found.tensions / 1e-5 / np.array([1e9, 1e9, 2e9])
+    assert found.structure.solve().utilisation == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_form_without_supports_is_refused_by_name():
     with pytest.raises(ValueError, match="give fixed, an .* true where a coordinate stays"):
         latinpc.form_find([[0, 0], [1, 0]], [[0, 1]], None, 1.0)

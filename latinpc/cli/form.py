@@ -96,6 +96,7 @@ def _prepare(name, densities, natural, without_load, files, options):
             " left"
         )
     given = {"density": _densities(scene, densities) if densities else None, "law": scene.law, "mass": scene.mass}
+    given |= {"area": scene.area, "strength": scene.strength}
     given |= {"EA": scene.stiffness * lengths, "natural_length": lengths if natural else None}
     return replace(scene, cases=()), given | {"load": None if without_load else scene.load}
 

@@ -75,7 +75,7 @@ import numpy as np
 
 from latinpc.geometry import GEOMETRIES
 from latinpc.laws import RIGID
-from latinpc.numbering import Numbering
+from latinpc.numbering import Numbering, grouped
 from latinpc.scenes.scene import Scene
 
 from .cases import read_cases
@@ -366,6 +366,8 @@ def _scene(path, lines, settings, description, given):
     for name, chosen in lines.groups.items():
         groups[name] = np.union1d(groups.get(name, np.zeros(0, np.int64)), ends[chosen])
     groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
+    drawn = {name: np.flatnonzero(np.isin(line, chosen)) for name, chosen in lines.groups.items()}
+    points = {name: number[chosen][number[chosen] >= 0] for name, chosen in lines.node_groups.items()}
     _in_space(settings, dim)
     fixed, prescribed = read_supports(
         settings, nodes, groups, description, lines.fixed[used, :dim].copy(), lines.prescribed[used, :dim].copy()
@@ -388,7 +390,8 @@ def _scene(path, lines, settings, description, given):
         velocity=read_velocities(settings, nodes, groups, fixed, description),
         geometry=geometry,
         numbering=Numbering(
-            lines.point_names[used], None if lines.line_names is None else lines.line_names[line]
+            lines.point_names[used], None if lines.line_names is None else lines.line_names[line],
+            grouped(points, len(used)), grouped(drawn, len(line)),
         ),
         metadata={
             "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,

@@ -6,10 +6,11 @@ words: ``roof-nodes.csv`` and ``roof-members.csv``. Columns come in any order; t
     node,  x, [y, z], [fix], [Fx, Fy, Fz], [ux, uy, uz], [mass], [group]
     [member], start, end, [law], [EA or stiffness], [prestress, strain or initial_elongation], [area, strength], [group]
 
-``fix`` is a word such as ``xyz`` or ``z``: the held directions, by ``ux`` etc. if those are given. ``law`` and the
-columns after it are as in the TOML file. A unit in a heading, ``x [mm]`` or ``EA (kN)``, converts the column; without
-one it is in m, N and kg. Without ``node``, nodes are numbered from 1. Commas, semicolons or tabs separate; where
-commas do not, they are decimal commas. Empty lines, and lines that begin with ``#``, are left out.
+``group`` takes several names with ``;`` between them. ``fix`` is a word such as ``xyz`` or ``z``: the held directions,
+by ``ux`` etc. if those are given. ``law`` and the columns after it are as in the TOML file. A unit in a heading, ``x
+[mm]`` or ``EA (kN)``, converts the column; without one it is in m, N and kg. Without ``node``, nodes are numbered from
+1. Commas, semicolons or tabs separate; where commas do not, they are decimal commas. Empty lines, and lines that begin
+with ``#``, are left out.
 """
 
 from __future__ import annotations
@@ -176,8 +177,8 @@ class _Table:
     def groups(self):
         """Return the rows of each name in the column group."""
         found = {}
-        for index, name in enumerate(self.columns.get("group", [])):
-            if name:
+        for index, names in enumerate(self.columns.get("group", [])):
+            for name in filter(None, map(str.strip, names.split(";"))):
                 found.setdefault(name, []).append(index)
         return {name: np.array(rows) for name, rows in found.items()}
 

@@ -53,6 +53,8 @@ class Form:
     EA: np.ndarray | None = None  #: (m,), axial stiffness (N); None where not given
     natural_lengths: np.ndarray | None = None  #: (m,), of the links without tension (m); None without EA
     mass: np.ndarray | None = None  #: (n,), of the nodes (kg), None where not given
+    area: np.ndarray | None = None  #: (m,), of cross sections (m^2), None where not given
+    strength: np.ndarray | None = None  #: (m,), of the material (Pa), None where not given
     comm: PETSc.Comm = field(default_factory=PETSc.Sys.getDefaultComm)
     notices: list[str] = field(default_factory=list)  #: sentences to read
     numbering: Numbering | None = None  #: of the file that it was drawn in, for tables
@@ -120,7 +122,7 @@ class Form:
         if self.EA is None:
             raise ValueError("a structure needs the axial stiffness of its links: give EA, in N")
         elastic = (self.law, self.stiffness, self.initial_elongations)
-        more = {"mass": self.mass, "geometry": "large", "comm": self.comm, "name": self.name}
+        more = {key: getattr(self, key) for key in ("mass", "area", "strength", "comm", "name")} | {"geometry": "large"}
         return Structure(self.nodes, self.links, *elastic, self.fixed, load=self.load, **more)
 
     @property
@@ -132,6 +134,7 @@ class Form:
         columns |= {"law": np.array([Law(law).name.lower() for law in self.law])}
         if self.EA is not None:
             columns |= {"stiffness": self.stiffness, "initial_elongation": self.initial_elongations}
+        columns |= {key: getattr(self, key) for key in ("area", "strength") if getattr(self, key) is not None}
         columns |= {"#length": self.lengths, "#density": self.densities, "#tension": self.tensions}
         return table(columns | ({} if self.EA is None else {"#natural_length": self.natural_lengths}))
 
@@ -143,11 +146,14 @@ class Form:
             numbers = np.asarray(self.numbering.nodes)
             links |= {"start": numbers[self.links[:, 0]], "end": numbers[self.links[:, 1]]}
             links |= {} if self.numbering.links is None else {"member": np.asarray(self.numbering.links)}
+        of_nodes, of_links = (getattr(self.numbering, key, None) for key in ("node_groups", "link_groups"))
+        links |= {} if of_links is None else {"group": of_links}
         columns = {"node": numbers}
         for prefix, array in (("", self.nodes), ("F", self.load)):
             columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
             columns |= {"fix": words} if not prefix else {}
         columns |= {} if self.mass is None else {"mass": self.mass}
+        columns |= {} if of_nodes is None else {"group": of_nodes}
         columns |= {f"#R{axis}": column for axis, column in zip(AXES, self.reactions.T)}
         write_csv(members, table(links))
         write_csv(nodes, table(columns))
@@ -238,6 +244,8 @@ def form_find(
     load: ArrayLike | None = None,
     law: ArrayLike | None = None,
     mass: ArrayLike | None = None,
+    area: ArrayLike | None = None,
+    strength: ArrayLike | None = None,
     error: float = 1e-8,
     options: Mapping[str, Any] | None = None,
     comm: Communicator | None = None,
@@ -269,6 +277,8 @@ def form_find(
         elsewhere.
     mass : (n,) array_like of float, or float, optional
         Lumped masses of the nodes (kg) of the structure, for its modes; they are no loads.
+    area, strength : (m,) array_like of float, or float, optional
+        Cross sections (m^2) and strengths of the material (Pa) of the structure, for stresses and utilisations.
     error : float
         Of a form of natural lengths: the largest unbalanced force, relative to the largest force.
     options : mapping, optional
@@ -308,14 +318,17 @@ def form_find(
     """
     given = _checked(nodes, links, fixed, load, law, {"density": density, "natural_length": natural_length, "EA": EA})
     nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
-    mass = None if mass is None else np.array(Checks(nodes.shape, len(links), np.dtype(float)).mass(mass))
+    checks = Checks(nodes.shape, len(links), np.dtype(float))
+    more = {"mass": None if mass is None else np.array(checks.mass(mass))}
+    for key, values in (("area", area), ("strength", strength)):
+        more[key] = None if values is None else np.array(checks.positive(key, values))
     comm = PETSc.Sys.getDefaultComm() if comm is None else comm if isinstance(comm, PETSc.Comm) else PETSc.Comm(comm)
     options, start = {str(key).removeprefix("-"): value for key, value in (options or {}).items()}, nodes
     if given["density"] is not None:
         with default_options(options):
             start = equilibrium(nodes, links, fixed, given["density"], load, comm)
     _extended(start, links)
-    form = Form(name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], mass=mass, comm=comm)
+    form = Form(name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], comm=comm, **more)
     if natural_length is None:
         form.tensions = given["density"] * form.lengths
         form.natural_lengths = _natural(form)

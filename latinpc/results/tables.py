@@ -54,20 +54,23 @@ def nodes(result: Result) -> np.ndarray:
 
 
 def node_columns(structure: Structure, nodes: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return the column of the names of nodes, all unless some are given; none where no file has given them."""
+    """Return the columns of names and groups of nodes, all unless some are given; none where no file has given them."""
     if structure.numbering is None:
         return {}
-    chosen = range(len(structure.nodes)) if nodes is None else nodes
-    return {"name": np.array([structure.node_name(node) for node in chosen])}
+    chosen, groups = np.arange(len(structure.nodes)) if nodes is None else nodes, structure.numbering.node_groups
+    names = {"name": np.array([structure.node_name(node) for node in chosen])}
+    return names | ({} if groups is None else {"group": groups[chosen]})
 
 
 def link_columns(structure: Structure) -> dict[str, np.ndarray]:
-    """Return the columns of the names of links and of their nodes; none where no file has given them."""
+    """Return the columns of names of links and of their nodes, and of groups; none where no file has given them."""
     if structure.numbering is None:
         return {}
     nodes = node_columns(structure)["name"]
     names = np.array([structure.link_name(link) for link in range(len(structure.links))])
-    return {"name": names, "start_name": nodes[structure.links[:, 0]], "end_name": nodes[structure.links[:, 1]]}
+    ends = {"start_name": nodes[structure.links[:, 0]], "end_name": nodes[structure.links[:, 1]]}
+    groups = structure.numbering.link_groups
+    return {"name": names} | ends | ({} if groups is None else {"group": groups})
 
 
 def table(columns: dict[str, np.ndarray]) -> np.ndarray:
