@@ -49,6 +49,22 @@ def test_a_node_between_the_flat_parts_of_tables_is_named():
     assert named(line([flat, flat, Law.BAR], [0.0, 0.0, 10.0], 0.0, 0.0).solve()) == [1]
 
 
+def test_with_large_displacements_nodes_between_slack_cables_are_named():
+    """A net that loses its prestress lies anywhere; a weight holds the nodes of the cables that bear it."""
+    net = latinpc.scenes.make("saddle", side=3, prestress=1e3, load=0.0)
+    inside = np.flatnonzero(~net.fixed.all(axis=1)).tolist()
+    structure = latinpc.Structure.from_scene(net, comm=PETSc.COMM_SELF)
+    assert not named(structure.solve())
+    structure.set_initial_elongation(-0.01)
+    assert named(structure.solve()) == inside
+    load = np.zeros(net.nodes.shape)
+    load[inside[0], 2] = -100.0
+    structure.set_load(load)
+    found = structure.solve(error=1e-8)
+    assert found.converged and inside[0] not in named(found)
+    assert all(found.slack[(net.links == node).any(axis=1)].all() for node in named(found))
+
+
 def random_net(rng):
     """Points in a plane, each joined to some others by links that are slack half of the time."""
     nodes = rng.uniform(0.0, 1.0, (9, 2))

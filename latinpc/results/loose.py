@@ -8,7 +8,7 @@ import numpy as np
 
 from latinpc.laws import RIGID, Law
 
-from .mechanics import elongations, tensions_at
+from .mechanics import stretches, tensions_at
 
 if TYPE_CHECKING:
     from .result import Result
@@ -24,18 +24,23 @@ def loose(result: Result) -> list[str]:
     """Return a sentence on nodes that can move by themselves without a change of any tension; not collective.
 
     A link holds a node if its tension changes within `MARGIN` of its elongation. A node is named if no link holds it in
-    some direction while all others stay where they are; nodes that can move only together are not found.
+    some direction while all others stay where they are; nodes that can move only together are not found. With large
+    displacements a taut link holds in all directions, and those are named that slack links alone touch.
     """
     structure = result.structure
-    if structure.geometry != "linear" or not result.converged or structure.law.max(initial=0) == Law.BAR:
+    if structure.geometry == "prestress" or not result.converged or structure.law.max(initial=0) == Law.BAR:
         return []
+    large = structure.geometry == "large"
     margin = MARGIN * np.abs(result.displacements).max(initial=0.0)
-    elongation = elongations(structure, result.displacements)
-    holds = _holds(structure, elongation, margin)
+    elongation = stretches(structure, result.displacements)
+    if large:
+        holds = ~result.slack | (np.abs(elongation + structure.initial_elongation) <= margin)
+    else:
+        holds = _holds(structure, elongation, margin)
     nodes = np.unique(structure.links[~holds])
     nodes = nodes[~structure.fixed[nodes].all(axis=1)]
-    free = nodes[_free(structure, holds, nodes)]
-    if not margin or not len(free):
+    free = nodes[~np.isin(nodes, structure.links[holds]) if large else _free(structure, holds, nodes)]
+    if not (large or margin) or not len(free):
         return []
     named = structure.node_names(free[:NAMED], len(free) > NAMED)
     return [
