@@ -19,7 +19,7 @@ from latinpc.checks import ARRAYS, COPIED, Checks, axial_stiffness, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.library import _latin
-from latinpc.results.notices import duplicates, unlinked_as_value
+from latinpc.results.notices import coincident, duplicates, unlinked_as_value
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
@@ -188,7 +188,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         for array in ARRAYS:  # what the caller does to theirs is not done to ours
             if given[array] is not None and np.may_share_memory(getattr(self, array), np.asarray(given[array])):
                 self._keep(array, getattr(self, array).copy())
-        self.notices = self._duplicates()
+        self.notices = self._doubles()
 
     @classmethod
     def from_scene(cls, scene: Any, comm: Communicator | None = None) -> Structure:
@@ -210,7 +210,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
         structure._make(given, comm, scene.name, geometry=scene.geometry)
-        structure.notices = duplicates(structure) if "file" in scene.metadata else []  # generators mean what they do
+        structure.notices = structure._doubles() if "file" in scene.metadata else []  # generators mean what they do
         return structure
 
     def _make(self, given, comm, name, prestress=None, geometry="linear"):
@@ -254,8 +254,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
         return arrays
 
-    def _duplicates(self):
-        return duplicates(self)
+    def _doubles(self):
+        return duplicates(self) + coincident(self)
 
     def _keep(self, name, values):
         """Keep an array of the structure, which is read and not written."""

@@ -150,7 +150,7 @@ def test_a_mechanism_with_large_displacements_is_called_one():
     portal = {"nodes": [[0, 0], [2, 0], [0, 1], [2, 1]], "links": [[0, 2], [2, 3], [1, 3]], "law": "bar"}
     portal |= {"fixed": [[1, 1], [1, 1], [0, 0], [0, 0]], "stiffness": 1e6, "geometry": "large"}
     load = np.array([[0, 0], [0, 0], [0, -10], [0, -10]])
-    cure = "prescribe more displacements or add links; nodes that move: "
+    cure = "tighten links, prescribe more displacements or add links; nodes that move: "
     with pytest.warns(latinpc.LatinWarning, match=f"is a mechanism that no prestress holds: {cure}2, 3$"):
         latinpc.Structure(**portal, load=load).solve()
 

@@ -105,6 +105,26 @@ def test_links_that_are_there_twice_and_far_moves(tmp_path):
     assert "node C moves by" in notices
 
 
+def test_nodes_at_one_place_that_no_link_joins(tmp_path):
+    """They make a mechanism, or hang apart with large displacements; not where they touch."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix,Fy\nA,-1,0,xy,\nB,1,0,xy,\nC,0,-1,,-10\nD,0,-1,,\nE,-1,0,xy,\n")
+    (tmp_path / "members.csv").write_text("start,end,law,EA\nA,C,bar,1e5\nB,D,bar,1e5\nE,C,bar,1e5\n")
+    said = "nodes lie at one place and no link joins them: C and D; make them one node if they move together"
+    with pytest.raises(latinpc.SolveError, match=f"mechanism.*{said}"):
+        latinpc.read(tmp_path).solve()
+    with pytest.warns(latinpc.LatinWarning, match=said):
+        latinpc.read(tmp_path, geometry="large").solve()
+    assert latinpc.read(tmp_path, merge=1e-3).solve().converged
+    touching = {"law": ["bar", "bar", "contact"], "stiffness": [1e5, 1e5, 0.0], "direction": [[0, 0], [0, 0], [0, 1]]}
+    both = latinpc.Structure(
+        [[-1, 0], [1, 0], [0, -1], [0, -1]],
+        [[0, 2], [1, 3], [2, 3]],
+        **touching,
+        fixed=[[1, 1], [1, 1], [1, 0], [1, 0]],
+    )
+    assert not both.notices
+
+
 def test_tables_have_both(tmp_path):
     scene = latinpc.read(tables(tmp_path, 1e3))
     result = scene.solve()

@@ -91,7 +91,7 @@ class LocalStructure(Structure):
         if name == "links":
             self._halo.follow(self.links)
 
-    def _duplicates(self):
+    def _doubles(self):
         return []  # another rank may have the other one
 
     @staticmethod

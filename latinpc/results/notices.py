@@ -29,6 +29,7 @@ __all__ = [
     "SolveError",
     "causes",
     "changed",
+    "coincident",
     "duplicates",
     "errors_as_given",
     "limit",
@@ -46,8 +47,8 @@ HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestr
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
 _DRAWN = {
-    "mechanism": "the structure as drawn is a mechanism that no prestress holds: prescribe more displacements or add"
-    " links",
+    "mechanism": "the structure as drawn is a mechanism that no prestress holds: tighten links, prescribe more"
+    " displacements or add links",
     "unstable": "the structure as drawn is unstable: its prestress makes it buckle",
     "soft": "no stable equilibrium was found without loads, or under less than 1 % of them: the structure buckles, or"
     " its prestress does not hold it",
@@ -162,6 +163,26 @@ def duplicates(structure: Structure) -> list[str]:
     named = ", ".join(f"{a} and {b}" if a != b else f"{a} twice" for a, b in names)
     more = f", and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else ""
     return [f"links join the same two nodes by the same law: {named}{more}; what they carry adds up"]
+
+
+def coincident(structure: Structure) -> list[str]:
+    """Return a sentence on nodes at one place that no link there joins, if any of them is free; not collective."""
+    nodes = structure.nodes
+    if nodes.shape[1] == 1:  # chains beside each other
+        return []
+    order = np.lexsort(nodes.T)
+    again = np.flatnonzero((nodes[order[1:]] == nodes[order[:-1]]).all(axis=1))
+    pairs = np.column_stack([order[again], order[again + 1]])
+    joined = structure.links[structure.lengths == 0.0]
+    pairs = pairs[~np.isin(pairs, joined).all(axis=1) & ~structure.fixed[pairs].all(axis=(1, 2))]
+    if not len(pairs):
+        return []
+    named = ", ".join(" and ".join(map(structure.node_name, pair)) for pair in pairs[:_NAMED])
+    more = f", and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else ""
+    return [
+        f"nodes lie at one place and no link joins them: {named}{more}; make them one node if they move together"
+        " (--merge)"
+    ]
 
 
 def _parallel(structure, pairs):
