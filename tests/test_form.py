@@ -371,7 +371,8 @@ def test_command_of_natural_lengths_on_ranks(tmp_path, mpirun):
 @pytest.mark.parametrize(("words", "said"), [
     ((), "give force densities with --density, or --natural"),
     (("--density", "cable=x"), "--density cable=x: write a number"),
-    (("--density", "bar=4"), "with a law of the drawing (cable)"),
+    (("--density", "bar=4"), "with one of the drawing (cable, edges, net)"),
+    (("--density", "edges=4"), "links of the law cable have none; give cable=X"),
     (("--density", "drawn", "--density", "3"), "--density drawn stands alone"),
     (("--density", "0"), "all force densities are zero"),
     (("--density", "drawn", "--picture", "a.gif"), "cannot write '.gif'"),
@@ -391,6 +392,16 @@ def test_command_takes_densities_by_law_and_scenes():
     assert "links of the law cable have none; give cable=X" in refused
     assert "directions of their own" in command("form", "net", "--law", "cable", "--density", "5", code=2).stderr
     command("form", "net", "--density", "5", code=2)
+
+
+def test_command_takes_densities_by_group(tmp_path):
+    """That of a layer comes before that of its law, and that before one for all, in any order."""
+    given = ("--density", "edges=20e3", "--density", "CABLE=2000", "--density", "7")
+    command("form", CANOPY, *given, "--csv", tmp_path / "members.csv", tmp_path / "nodes.csv")
+    scene = latinpc.read(tmp_path)
+    edges = scene.numbering.link_groups == "edges"
+    assert edges.any() and set(scene.numbering.link_groups) == {"edges", "net"}
+    assert scene.prestress / scene.lengths == pytest.approx(np.where(edges, 20e3, 2e3), rel=1e-9)
 
 
 def test_a_summary_says_what_was_found():

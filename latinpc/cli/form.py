@@ -22,9 +22,9 @@ from .scenes import SceneCommand, open_scene, scene_options
 @click.command("form", cls=SceneCommand)
 @click.argument("scene", metavar="SCENE|FILE")
 @scene_options
-@click.option("--density", "densities", multiple=True, metavar="[LAW=]X|drawn",
-              help="Force density, tension over length (N/m), of all links or of those of a law, such as cable=500;"
-                   " drawn: prestress over drawn length of each link.")  # fmt: skip
+@click.option("--density", "densities", multiple=True, metavar="[WHAT=]X|drawn",
+              help="Force density, tension over length (N/m), of all links or of those of a law or a group, such as"
+                   " cable=500 or edges=5000; drawn: prestress over drawn length of each link.")  # fmt: skip
 @click.option("--natural", is_flag=True, help="Keep natural lengths: those drawn, less the elongations of prestress.")
 @click.option("--without-load", is_flag=True, help="Ignore the loads.")
 @click.option(
@@ -111,20 +111,39 @@ def _densities(scene, texts):
             raise ValueError("--density drawn: no link has a prestress; give --prestress, or a number")
         return found
     found = np.full(len(scene.links), np.nan)
-    for text in sorted(texts, key=lambda text: "=" in text):  # one for all comes first
-        law, separator, word = text.rpartition("=")
-        value, kind = finite(word), law.strip().upper().replace("-", "_")
-        known = [name for name in ("BAR", "CABLE", "COMPRESSION_ONLY") if (scene.law == Law[name]).any()]
-        if value is None or (separator and kind not in known):
-            names = ", ".join(name.lower() for name in known)
+    known = _laws_and_groups(scene)
+    for text in sorted(texts, key=lambda text: list(known).index(_kind(text)) if _kind(text) in known else 0):
+        value = finite(text.rpartition("=")[2])
+        if value is None or _kind(text) not in known:
+            names = ", ".join(filter(None, known))
             raise ValueError(
-                f"--density {text}: write a number (N/m), LAW=number with a law of the drawing ({names}), or drawn"
+                f"--density {text}: write a number (N/m), LAW=number or GROUP=number with one of the drawing ({names}),"
+                " or drawn"
             )
-        found[scene.law == Law[kind] if separator else slice(None)] = value
+        found[known[_kind(text)]] = value
     if np.isnan(found).any():
         law = Law(scene.law[np.flatnonzero(np.isnan(found))[0]]).name.lower()
         raise ValueError(f"--density: links of the law {law} have none; give {law}=X")
     return found
+
+
+def _kind(text):
+    """Return the law or the group of a density, empty where it is for all."""
+    word = text.rpartition("=")[0].strip()
+    law = word.upper().replace("-", "_")
+    return law.lower() if law in Law.__members__ else word
+
+
+def _laws_and_groups(scene):
+    """Return the links of all, of each law, and of each group of the drawing: the later ones say more."""
+    known = {"": np.ones(len(scene.links), bool)}
+    for law in (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY):
+        known |= {law.name.lower(): scene.law == law} if (scene.law == law).any() else {}
+    groups = [] if scene.numbering is None or scene.numbering.link_groups is None else scene.numbering.link_groups
+    several = [names.split("; ") for names in groups]
+    for name in dict.fromkeys(name for names in several for name in names if name):
+        known.setdefault(name, np.array([name in names for names in several]))
+    return known
 
 
 def _write(found, json_file, output, csv, picture):
