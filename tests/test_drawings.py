@@ -114,3 +114,33 @@ def test_envelopes_give_a_place_once():
     for line in text.splitlines():
         if line.startswith(("highest", "lowest")):
             assert line.count("(") == 2 and " to " not in line and line.endswith(" m")
+
+
+def test_forms_and_results_are_drawn_again(tmp_path):
+    """Nodes where they are, layers of groups or laws, slack links apart; what is read again is the same."""
+    ezdxf = pytest.importorskip("ezdxf")
+    (tmp_path / "nodes.csv").write_text("node,x,y,z,fix\nA,0,0,2,xyz\nB,6,0,0,xyz\nC,3,6,1,xyz\nmid,3,2,1,\n")
+    rows = "A,mid,cable,1e4,main; net\nB,mid,cable,1e4,a/b\nC,mid,cable,1e4,\nA,B,bar,1e4,MAIN\n"
+    (tmp_path / "members.csv").write_text("start,end,law,EA,group\n" + rows)
+    scene = latinpc.read(tmp_path, prestress=100.0, load="z=-10", geometry="large")
+
+    def drawn(file, layers, nodes):
+        document = ezdxf.readfile(tmp_path / file)
+        lines = list(document.modelspace())
+        assert document.units == ezdxf.units.M
+        assert [line.dxf.layer for line in lines] == layers
+        ends = np.array([[line.dxf.start, line.dxf.end] for line in lines])
+        assert ends == pytest.approx(nodes[scene.links], rel=1e-12)
+
+    result = scene.solve()
+    result.to_dxf(tmp_path / "loaded.dxf")
+    drawn("loaded.dxf", ["main", "a_b", "cable", "MAIN"], scene.nodes + result.displacements)
+    again = latinpc.read(tmp_path / "loaded.dxf", EA=1e4, support="all", geometry="large")
+    assert len(again.nodes) == 4 and len(again.links) == 4
+    scene.initial_elongation[2] = -10.0  # longer than mid can be away from C
+    result = scene.solve()
+    result.to_dxf(tmp_path / "slack.dxf")
+    drawn("slack.dxf", ["main", "a_b", "cable slack", "MAIN"], scene.nodes + result.displacements)
+    form = latinpc.form_find(scene.nodes, scene.links, scene.fixed, [1.0, 1.0, 1.0, 0.0])
+    form.to_dxf(tmp_path / "form.dxf")
+    drawn("form.dxf", ["cable", "cable", "cable", "cable slack"], form.nodes)

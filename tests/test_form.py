@@ -404,6 +404,20 @@ def test_command_takes_densities_by_group(tmp_path):
     assert scene.prestress / scene.lengths == pytest.approx(np.where(edges, 20e3, 2e3), rel=1e-9)
 
 
+def test_the_command_line_writes_drawings(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    command("form", CANOPY, "--density", "drawn", "--output", tmp_path / "form.dxf")
+    command("solve", "mast", "--output", tmp_path / "mast.dxf")
+    layers = [
+        {line.dxf.layer for line in ezdxf.readfile(tmp_path / name).modelspace()} for name in ("form.dxf", "mast.dxf")
+    ]
+    assert layers == [{"net", "edges"}, {"bar", "cable"}]
+    assert (
+        "use .pvd or .vtu"
+        in command("solve", "impact-tower", "--num-steps", "1", "--output", tmp_path / "a.dxf", code=2).stderr
+    )
+
+
 def test_a_summary_says_what_was_found():
     """As print shows it."""
     text = str(latinpc.form_find(**square(0)))

@@ -13,6 +13,7 @@ import latinpc
 from latinpc.files.text import finite
 from latinpc.laws import Law
 from latinpc.results.atomic import check_writable
+from latinpc.results.cad import check_ezdxf
 
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import on_root
@@ -36,7 +37,9 @@ from .scenes import SceneCommand, open_scene, scene_options
     help="Unbalanced forces with --natural, relative to the largest force.",
 )
 @click.option("--json", "json_file", metavar="FILE", help="Write the summary; '-' prints it and nothing else.")
-@click.option("--output", multiple=True, metavar="FILE", help="Write the form: .vtu (ParaView) or .npz (numpy).")
+@click.option(
+    "--output", multiple=True, metavar="FILE", help="Write the form: .vtu (ParaView), .dxf (CAD) or .npz (numpy)."
+)
 @click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write two .csv files, which latinpc solve reads again.")
 @click.option("--picture", metavar="FILE", help="Draw the form: .png, .pdf or .svg.")
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
@@ -53,7 +56,7 @@ def form(
     alone = json_file == "-"
     quiet = quiet or alone
     files = [(None if alone else json_file, None), (picture, (".png", ".pdf", ".svg"))]
-    files += [(path, (".vtu", ".npz")) for path in output] + [(path, (".csv",)) for path in csv or ()]
+    files += [(path, (".vtu", ".npz", ".dxf")) for path in output] + [(path, (".csv",)) for path in csv or ()]
     scene, given = on_root(comm, _prepare, scene, densities, natural, without_load, files, options)
     with progress(comm, quiet) as say, warnings.catch_warnings():
         warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
@@ -79,6 +82,7 @@ def _prepare(name, densities, natural, without_load, files, options):
     for path, suffixes in files:
         if path is not None:
             check_writable(path, suffixes)
+            check_ezdxf(path)
     if not densities and not natural:
         raise ValueError("give force densities with --density, or --natural to keep natural lengths")
     scene = open_scene(name, options)
@@ -151,7 +155,7 @@ def _write(found, json_file, output, csv, picture):
     if json_file is not None:
         write_json(json_file, found.to_dict())
     for path in output:
-        (found.to_vtu if str(path).lower().endswith(".vtu") else found.to_npz)(path)
+        {"vtu": found.to_vtu, "dxf": found.to_dxf, "npz": found.to_npz}[str(path).lower()[-3:]](path)
     if csv:
         found.to_csv(*csv)
     if picture is not None:

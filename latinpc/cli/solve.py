@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
+from latinpc.results.cad import check_ezdxf
 from latinpc.results.notices import SolveError
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
@@ -38,7 +39,7 @@ RUN = (
 @click.option("--reference", is_flag=True, help="Report errors against a solution by Newton's method.")
 @click.option("--digits", is_flag=True, help="Report how many digits are accurate, and what limits them.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
-@click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
+@click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion; .dxf for CAD.")
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
 @click.option("--html", metavar="FILE", help="Write an interactive figure for a browser: one .html file.")
 @click.option(
@@ -154,7 +155,7 @@ def _keeper(comm, run):
 def _prepare(scene, moves, files, options):
     """Open the scene, and refuse results that could not be written before any work is done; on one rank."""
     kinds = {
-        "output": (".pvd", ".vtu") if moves else (".vtu",),
+        "output": (".pvd", ".vtu") if moves else (".vtu", ".dxf"),
         "picture": (".gif", ".png", ".pdf", ".svg") if moves else (".png", ".pdf", ".svg"),
         "html": (".html",),
         "members": (".csv",),
@@ -163,6 +164,7 @@ def _prepare(scene, moves, files, options):
     for kind, path in files.items():
         if path not in (None, "-"):
             check_writable(path, kinds.get(kind))
+            check_ezdxf(path)
     if str(files["output"]).lower().endswith(".pvd"):
         frames_folder(files["output"])
     scene = open_scene(scene, options)
@@ -261,7 +263,7 @@ def _write(result, files, amplify):
     if files["json"] is not None:
         write_json(files["json"], result.to_dict())
     if files["output"] is not None:
-        result.to_vtu(files["output"])
+        (result.to_dxf if str(files["output"]).lower().endswith(".dxf") else result.to_vtu)(files["output"])
     if files["members"] is not None:
         result.to_csv(files["members"], files["nodes"])
     for kind in ("picture", "html"):

@@ -176,6 +176,15 @@ class Form:
 
         write_vtu(path, self._drawn(), np.zeros(self.nodes.shape), self.tensions, reactions=self.reactions)
 
+    def to_dxf(self, path: str | pathlib.Path) -> None:
+        """Write the links as a drawing in m, on the layers of their groups or laws; call it on one rank.
+
+        Slack links are on layers of their own. It needs ezdxf.
+        """
+        from latinpc.results.cad import write_dxf
+
+        write_dxf(path, self, self.nodes, self.tensions == 0.0)
+
     def plot(self) -> Figure:
         """Draw the form with the tensions of its links; not collective."""
         from latinpc.results.pictures import structure_figure

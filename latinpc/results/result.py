@@ -150,6 +150,15 @@ class Result(Reported):
         arrays = (self.displacements, self.tensions, self.subdomain, self.node_class)
         write_vtu(path, self.structure, *arrays, load=self.load, **extra)
 
+    def to_dxf(self, path: str | pathlib.Path) -> None:
+        """Write the displaced links as a drawing in m, on the layers of their groups or laws; call it on one rank.
+
+        Slack links are on layers of their own. It needs ezdxf.
+        """
+        from .cad import write_dxf
+
+        write_dxf(path, self.structure, self.structure.nodes + self.displacements, self.slack)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the report with reactions, and with the largest stress and utilisation, fit for JSON."""
         supports = np.flatnonzero(self.structure.fixed.any(axis=1))
