@@ -225,3 +225,23 @@ def test_a_tolerance_below_rounding_is_no_buckling(name, stop):
     assert tight.report["residual_norm"] < 1e-6 * np.linalg.norm(scene.load)
     assert tight.iterations < 500
     assert np.linalg.norm(tight.displacements - plain.displacements) < 1e-3 * np.linalg.norm(plain.displacements)
+
+
+@pytest.mark.parametrize("straight", [False, True])
+def test_a_chain_of_bars_hangs_as_one_of_cables(straight):
+    """Where bars as cables all pull it is their least energy. 400 took seconds; straight ones were refused."""
+    x = np.linspace(0.0, 200.0, 401)
+    nodes = np.column_stack([x, 0.0 * x if straight else -22.0 * (1.0 - (x / 100.0 - 1.0) ** 2)])
+    links = np.column_stack([np.arange(400), np.arange(1, 401)])
+    fixed = np.zeros(nodes.shape, bool)
+    fixed[[0, -1]] = True
+    load = np.where(fixed, 0.0, [0.0, -30.0])
+    given = {"fixed": fixed, "load": load, "EA": 3e7, "initial_elongation": -0.015 if straight else 0.0}
+    bars, cables = (
+        latinpc.Structure(nodes, links, law, **given, geometry="large").solve(error=1e-8) for law in ("bar", "cable")
+    )
+    assert bars.converged and cables.converged and bars.iterations < 1000
+    assert bars.tensions.min() > 0.0
+    far = np.abs(bars.displacements - cables.displacements).max()
+    assert far < 1e-7 * np.abs(cables.displacements).max()
+    assert np.abs(bars.tensions - cables.tensions).max() < 1e-7 * cables.tensions.max()

@@ -9,7 +9,8 @@
    The unknowns are displacements over the size of the structure, each scaled by the root of the stiffness of the links at its node: units,
    rotations and subdomains do not change the result. There is no other preconditioner, whose subdomains would shape the trust region.
 
-   If the loads are small beside the stiffness, the energy has a narrow valley, in which all steps are short. Larger loads lead to the same
+   If the loads are small beside the stiffness, the energy has a narrow valley, in which all steps are short. Where loads pull bars tight these are solved
+   for as cables, whose energy is convex (snes/largeconvex.c). Else larger loads lead to the same
    state but for elongations: the descent begins with these, and reduces them.
 */
 
@@ -164,12 +165,12 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
 }
 
 /*
-   Down the energy from x. Where the loads themselves take too long the heaviest ones are tried, and lighter ones where these lead away; from what is found
-   they fall. *reason: of the last descent. Collective on snes
+   Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, the heaviest ones are tried, and lighter ones where these
+   lead away; from what is found they fall. *reason: of the last descent. Collective on snes
 */
 static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
 {
-  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE;
+  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE;
   PetscInt  steps;
   Vec       start;
 
@@ -183,6 +184,12 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
     PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
+    if (first && *reason == TAO_DIVERGED_MAXITS) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
+    if (taut) {
+      PetscCall(VecPointwiseDivide(x, descent->u, descent->weight));
+      *reason = TAO_CONVERGED_USER;
+      break;
+    }
     done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS : descent->times == 1.0 || (falls && *reason < 0));
     if (*reason > 0) falls = PETSC_TRUE;
     else PetscCall(VecCopy(start, x));

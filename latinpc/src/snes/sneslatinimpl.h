@@ -337,6 +337,7 @@ PETSC_INTERN PetscErrorCode LatinSupportsReset_Private(LatinLarge *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES); /* snes/largeconvex.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeTaut_Private(SNES, Vec u, PetscBool *taut);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeCorrect_Private(SNES, Vec u, Vec ahead, PetscReal *norm);
 PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
