@@ -167,7 +167,7 @@ def test_two_ranks_print_once_and_agree(tmp_path):
 def test_not_converged_keeps_the_last_iterate(tmp_path):
     files = ["--json", tmp_path / "r.json", "--output", tmp_path / "r.vtu"]
     result = latinpc("solve", TOWER, "--subdomains", 4, *files, "-snes_max_it", 1, "-snes_stol", 1e-12, code=1)
-    words = "the iterations that are allowed were not enough"
+    words = "the iterations that -snes_max_it allows were not enough"
     assert said(result)[-1] == f"latinpc: not converged: {words} (DIVERGED_MAX_IT)"
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["converged"] is False and report["reason"] == "DIVERGED_MAX_IT"

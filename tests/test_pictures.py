@@ -295,7 +295,7 @@ def test_what_has_not_converged_has_a_stamp():
     with pytest.warns(latinpc.ConvergenceWarning):
         result = scene.solve(options={"snes_max_it": 1, "snes_stol": 1e-14})
     text = _written(result.plot())
-    assert "NOT CONVERGED" in text and "iterations that are allowed were not enough" in text
+    assert "NOT CONVERGED" in text and "iterations that -snes_max_it allows were not enough" in text
     assert "NOT CONVERGED" not in _written(scene.solve().plot())
 
 

@@ -447,7 +447,7 @@ def test_ranks(ranks, mpirun):
         assert said == [
             "unknown option -snes_latin_stopp: do you mean -snes_latin_stop?",
             *[line for line in said if line.startswith("unknown preset 'quick'")],
-            "not converged: the iterations that are allowed were not enough (DIVERGED_MAX_IT)",
+            "not converged: the iterations that -snes_max_it allows were not enough (DIVERGED_MAX_IT)",
             *([f"LatinWarning: {unread}"] if number == 0 else []),
             f"raised: {unread}",
         ]

@@ -17,7 +17,7 @@ _WORDS = {
     "CONVERGED_FNORM_ABS": "the unbalanced forces are below the absolute tolerance",
     "CONVERGED_FNORM_RELATIVE": "the unbalanced forces are small enough",
     "CONVERGED_ITS": "the iterations that were asked for are made",
-    "DIVERGED_MAX_IT": "the iterations that are allowed were not enough",
+    "DIVERGED_MAX_IT": "the iterations that -snes_max_it allows were not enough",
     "DIVERGED_FUNCTION_COUNT": "the linear stages that -snes_max_funcs allows were not enough",
     "DIVERGED_INNER": "rounding does not allow the accuracy that is asked for",
     "DIVERGED_DTOL": "no stable equilibrium was found: the displacements grow without end",
