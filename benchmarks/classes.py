@@ -2,9 +2,9 @@
 
 python benchmarks/classes.py                  writes the table of examples/classes/README.md
 
-References: sparse LU and eigenmodes (scipy), Lemke's pivots (tests/lcp.py), Clarabel, the simplex method (HiGHS),
-closed forms, paths of Newton's method in numpy. A difference is that of the vectors that are unique, relative to the
-reference, in the l2 norm.
+References: sparse LU and eigenmodes (scipy), Lemke's pivots and nonnegative least squares (NNLS; tests/lcp.py),
+Clarabel, the simplex method (HiGHS), closed forms, paths of Newton's method in numpy. A difference is that of the
+vectors that are unique, relative to the reference, in the l2 norm.
 """
 
 import sys
@@ -197,14 +197,14 @@ def smooth_motion():
 
 
 def step_row(equations, what, where, scene, h=1e-3):
-    """One step, by Lemke's method on the Delassus operator: (16), (17), or (20) where cables are extensible."""
+    """One step, by least squares on the Delassus operator: (16), (17), or (20) where cables are extensible."""
     known = lcp.step(scene, h)
     _, v, tension = steps(scene, h)
     unique = {"velocities": apart(v[~scene.fixed], known.velocity)}
     if known.regular:
         unique["impulses"] = apart(h * tension[known.unilateral], known.impulse)
     assert 0 < np.count_nonzero(known.impulse) < len(known.impulse), "nothing to decide"
-    return Row(equations, what, f"{where}, thrown, a step of TS latin", "Lemke", unique)
+    return Row(equations, what, f"{where}, thrown, a step of TS latin", "NNLS", unique)
 
 
 def inextensible(scene, bars=True):

@@ -31,7 +31,7 @@ def test_plane(solved, problem, ranks, blocks):
     assert found["residual"] < 1e-8 and found["cg"] < 1e-7
     assert found["again_reason"] > 0 and found["again"] < 1e-8  # new entries of the matrix
     if problem == "poisson":
-        assert found["fetidp"] < 1e-3 and found["iterations"] <= 2 * found["fetidp_iterations"]
+        assert found["fetidp"] < 1e-2 and found["iterations"] <= 2 * found["fetidp_iterations"]
 
 
 @pytest.mark.parametrize("dirichlet", ["zeroed", "scaled", "eliminated", "none"])

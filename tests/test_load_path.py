@@ -56,7 +56,7 @@ def test_a_limit_of_stages_is_no_limit_point(limit):
     result = make("tower", stages=20).solve(options={"snes_max_it": limit})
     assert "not enough" in result.reason
     assert result.report["load_factor"] < 1.0
-    assert result.iterations <= limit + 40  # the linear solve that reached it
+    assert result.iterations <= limit + 80  # the linear solve that reached it
 
 
 def test_what_holds_has_a_load_factor_of_one():
