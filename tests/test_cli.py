@@ -219,11 +219,18 @@ BAD = [
     (["solve", TOWER, "--output", "r.stl"], "r.stl"),
     (["solve", TOWER, "--json", "nowhere/r.json"], "the folder nowhere does not exist"),
     (["solve", TOWER, "-options_file", "nowhere.opts"], "no such file"),
+    (["solve", TOWER, "-fp_trap"], 'PETSc reads -fp_trap only when it starts: set PETSC_OPTIONS="-fp_trap"'),
     (["solve", TOWER, "--subdomains", "4", "-snes_latin_variant", "edges"], "edges"),
     (["solve", TOWER, "--subdomains", "4", "-snes_type", "latn"], "latn"),
     (["paper", "4", "--subdomains", "10"], "10 subdomains"),
     (["extremes", "--family", "large"], "--family and --seed are of random structures: add --random N"),
 ]
+
+
+def test_info_of_petsc():
+    """PETSc reads it when it starts, from the environment."""
+    result = latinpc("solve", "packing", "--side", "20", "--law", "friction", env={"PETSC_OPTIONS": "-info :latin"})
+    assert "[0] <latin> LatinCoulombDone_Private(): length" in result.stdout
 
 
 @pytest.mark.parametrize(("arguments", "word"), BAD, ids=[" ".join(map(str, case[0][1:]))[-40:] for case in BAD])

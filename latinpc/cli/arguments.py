@@ -54,6 +54,21 @@ OF_PETSC = (
 )  # fmt: skip
 
 
+#: Of these, options that do nothing once PETSc has started
+OF_ITS_START = (
+    "debugger",
+    "device",
+    "fp_trap",
+    "info",
+    "log_all",
+    "log_trace",
+    "malloc",
+    "mpi_linear",
+    "on_error",
+    "start_in",
+)
+
+
 def insert_petsc_options(options):
     """Put options into PETSc's database; PETSc is initialised already, so logging starts here.
 
@@ -65,6 +80,9 @@ def insert_petsc_options(options):
     database = PETSc.Options()
     before = database.getAll()
     for name, value in options:
+        if name.startswith(OF_ITS_START):
+            more = f" {value}" if value else ""
+            raise ValueError(f'PETSc reads -{name} only when it starts: set PETSC_OPTIONS="-{name}{more}"')
         if name == "options_file":
             if not value or not pathlib.Path(value).is_file():
                 raise FileNotFoundError(f"-options_file {value or ''}: no such file")

@@ -74,6 +74,7 @@ PetscErrorCode LatinRegisterClasses_Private(void)
   registered = PETSC_TRUE;
   PetscCall(PetscClassIdRegister("Latin", &LATIN_CLASSID));
   PetscCall(PetscClassIdRegister("LatinStructure", &LATIN_STRUCTURE_CLASSID));
+  PetscCall(PetscInfoProcessClass("latin", 2, (PetscClassId[]){LATIN_CLASSID, LATIN_STRUCTURE_CLASSID})); /* -info :latin */
   PetscCall(PetscLogEventRegister("LatinSetUp", LATIN_CLASSID, &LATIN_SetUp));
   PetscCall(PetscLogEventRegister("LatinPartition", LATIN_CLASSID, &LATIN_Partition));
   PetscCall(PetscLogEventRegister("LatinSubdomains", LATIN_CLASSID, &LATIN_Subdomains));
