@@ -89,7 +89,9 @@ def test_a_pendulum_bounces_on_a_floor(h, given):
         lowest, highest, touched = 0.0, -1.0, False
         for _ in range(round(2.0 / h)):
             it.step()
-            assert abs(it.energy) < 1e-6
+            assert abs(it.energy) < (
+                1e-5 if given else 1e-6
+            )  # the errors of an iteration add up, by rounding of the BLAS
             lowest, touched = min(lowest, it.u[1, 1]), touched or latinpc.step_tensions(it.ts)[1] < 0.0
             highest = max(highest, it.u[1, 1]) if touched else highest
         assert -0.85 < lowest < -0.8 and highest > -0.05
