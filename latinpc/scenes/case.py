@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,7 @@ class Case:
 
     def __mul__(self, factor: float) -> Case:
         """Return the case with all its actions multiplied by a number."""
-        if not np.isscalar(factor) or not np.isfinite(factor):
+        if not isinstance(factor, Real) or not np.isfinite(factor):
             return NotImplemented
         return Case(f"{factor:g} {self.name}", *(None if part is None else factor * part for part in self.parts))
 
