@@ -402,6 +402,8 @@ def test_command_of_buckling_and_drawn_states():
     assert json.loads(ended.stdout)["factors"][0] > 1.0
     ended = run([LATINPC, "modes", *grid, "--drawn", "--node-mass", "5", "-snes_latin_geometry", "large"])
     assert "0 links slack" in ended.stdout
+    ended = run([LATINPC, "modes", "saddle", "--buckling"])
+    assert "no positive factor" in ended.stderr and not ended.stdout  # no table without rows
     for words, said in (
         ((), "need masses"),
         (("--buckling",), "take geometry='large'"),

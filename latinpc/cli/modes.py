@@ -126,6 +126,7 @@ def _print(found, written):
     slack = int(slack_links(found.structure, found.tensions).sum())
     sizes = found.structure.sizes
     title = f"{found.structure.name}: modes of {kind}, {sizes.free_dofs:,} unknowns, {slack:,} links slack"
-    print_table(title, (header, rows), left=(-1,))
+    if rows:
+        print_table(title, (header, rows), left=(-1,))
     if written:
         print_lines(open_console(), "files", [("written", ", ".join(map(str, written)))])
