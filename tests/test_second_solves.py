@@ -10,6 +10,7 @@ from support import PLAIN, far, grid, irregular, latin, lattice, network, settle
 
 import latinpc
 from latinpc.options import default_options
+from latinpc.scenes import make
 
 REASON = PETSc.SNES.ConvergedReason
 
@@ -186,6 +187,25 @@ def test_warm_start_uses_the_state_of_the_last_solve():
         run.snes.solve(None, u)
         assert run.snes.getIterationNumber() < cold
         assert far(run.structure.displacements(u), oracle.newton(replace(scene, load=1.001 * scene.load))) < 1e-6
+
+
+@pytest.mark.parametrize("variant", ["primal", "macro"])
+@pytest.mark.parametrize("law", ["contact", "friction"])
+def test_a_warm_start_goes_on_from_where_newton_ended(law, variant):
+    """The interior-point method finds what the iteration does not: the next solve of the same loads starts there."""
+    scene = make("packing", law=law, side=20)
+    if law == "contact":
+        scene = replace(scene, subdomain=4 * np.arange(len(scene.links)) // len(scene.links))
+    with latin(scene, error=1e-6, warm_start="last", variant=variant) as run:
+        u = run.structure.create_vec()
+        run.snes.solve(None, u)
+        assert run.snes.getConvergedReason() > 0
+        assert run.snes.getLinearSolveIterations() > 20
+        first = latinpc.tensions(run.snes)
+        run.snes.solve(None, u)
+        assert run.snes.getConvergedReason() > 0
+        assert run.snes.getIterationNumber() <= 6
+        assert np.allclose(latinpc.tensions(run.snes), first, rtol=0, atol=1e-9 * np.abs(first).max())
 
 
 def test_right_hand_side_is_more_load():

@@ -303,6 +303,22 @@ def test_grains_with_friction_settle(h):
             assert max(step_errors(scene, h, u, v, it.u, it.v, it.tensions).values()) < 1e-5
 
 
+@pytest.mark.parametrize("law", ["contact", "friction"])
+def test_steps_of_grains_at_rest_take_few_stages(law):
+    """A step starts from the tensions of the one before it, whichever method has found them."""
+    scene = make("packing", law=law, side=20)
+    velocity = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, scene.nodes.shape))
+    scene, stages = replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity), []
+    with motion(scene, 0.01) as it:
+        for _ in range(30):
+            u, v = it.u, it.v
+            it.step()
+            stages.append(it.iterations)
+            assert max(step_errors(scene, 0.01, u, v, it.u, it.v, it.tensions).values()) < 1e-5
+    assert max(stages) < 250
+    assert np.median(stages[-5:]) < 40
+
+
 def test_grains_with_friction_come_to_rest():
     """Displacements of a step at rest are rounding, no part of which is an error: such steps were refused."""
     scene = make("packing", law="friction", side=6)

@@ -258,22 +258,26 @@ static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, Pe
 }
 
 /*
-   The state of the displacements u: links bear what their laws make of u, rigid ones nothing, and interfaces the
-   unbalanced forces of the subdomains. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a link; that of a solution
-   is a fixed point. Collective on snes
+   The state of the displacements u: links bear what their laws make of u, rigid ones the tensions rigid[links_local], or nothing
+   if it is NULL, and interfaces the unbalanced forces of the subdomains. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a
+   link; that of a solution is a fixed point. Collective on snes
 */
-static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
+PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, const PetscReal rigid[], Vec z)
 {
   SNES_Latin      *data  = (SNES_Latin *)snes->data;
   Latin            latin = data->latin;
   LatinSubdomains *sub   = &latin->sub;
   const PetscInt   sides = latin->inter.sides;
+  PetscReal       *bears;
   PetscScalar     *a;
   Vec              v;
 
   PetscFunctionBegin;
+  PetscCall(PetscCalloc1(sub->links, &bears));
+  if (rigid) PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, rigid, bears));
   PetscCall(VecDuplicate(u, &v));
   PetscCall(LatinInitialState_Private(&latin->linear, z));
+  if (rigid) PetscCall(LatinSFReduce_Private(sub->link_sf, 1, MPIU_REAL, bears, latin->linear.rigid_tension, MPI_REPLACE)); /* the initial state has none */
   PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
   PetscCall(VecGetArray(z, &a));
   if (sub->part) LatinTurningState(&latin->linear, a + sides);
@@ -282,7 +286,7 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
     const LatinLaw *law = &LatinLaws[sub->law[l]];
     const PetscReal e   = LatinElongation(sub, sub->dim, l, latin->linear.U);
 
-    a[sides + i] = (law->rigid ? 0.0 : law->tension(sub->stiffness[l], e + sub->e0[l], law->ctx)) - sub->stiffness[l] * e;
+    a[sides + i] = (law->rigid ? bears[l] : law->tension(sub->stiffness[l], e + sub->e0[l], law->ctx)) - sub->stiffness[l] * e;
   }
   PetscCall(LatinGatherForces_Private(&latin->linear, a));
   PetscCall(SNESLatinInterfaceForces_Private(latin, v, a));
@@ -290,6 +294,7 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
   for (PetscInt k = 0; k < sides; k++) a[k] += latin->linear.pull[k];
   PetscCall(VecRestoreArray(z, &a));
   PetscCall(VecDestroy(&v));
+  PetscCall(PetscFree(bears));
   PetscFunctionReturn(0);
 }
 
@@ -301,7 +306,7 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
 
   PetscFunctionBegin;
   if (!data->warm || !data->has_state) {
-    if (data->guess || data->latin->sub.part) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->z));
+    if (data->guess || data->latin->sub.part) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, NULL, data->z));
     else PetscCall(LatinInitialState_Private(&data->latin->linear, data->z));
     data->has_before = PETSC_FALSE;
     PetscFunctionReturn(0);

@@ -454,6 +454,8 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
     PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
     PetscCall(VecCopy(u, start));
   }
+  newton->stages_left = newton->limit - newton->stages;
+  if (newton->structure->ground && newton->structure->penalty && newton->tangent && !newton->structure->own_laws) PetscCall(LatinNewtonConvex_Private(newton, snes->vec_rhs, u)); /* masses bear any loads */
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED && newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones */
     PetscCall(VecCopy(start, u));

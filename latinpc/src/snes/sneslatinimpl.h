@@ -283,6 +283,7 @@ PETSC_INTERN PetscErrorCode SNESLatinOuterSetUp_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterReset_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterForget_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *);
+PETSC_INTERN PetscErrorCode SNESLatinGuess_Private(SNES, Vec u, const PetscReal rigid[], Vec z);
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 /* snes/takeover.c */
 PETSC_INTERN PetscErrorCode SNESLatinNewton_Private(SNES, PetscBool stall);

@@ -180,6 +180,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
+  if (done && data->warm && LatinNextConverged(data->next)) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z)); /* the next solve starts from here */
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
