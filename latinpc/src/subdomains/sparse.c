@@ -24,6 +24,7 @@ typedef struct {
   PetscInt   n, *node, *slot; /* [n] nodes of the columns; their blocks in value[], after sorting of node[] */
   PetscInt  *place;           /* [nodes] the block of the columns of a node, valid if node[place] is this node */
   PetscReal *value;           /* [n][bs][bs] */
+  PetscBool *met;             /* [n][bs][bs] is it an entry of a link, of whatever stiffness? NULL: zeros are no entries */
 } LatinNodeRows;
 
 /* The block of the columns of a node, which is zeroed on first use */
@@ -36,6 +37,7 @@ static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *ga
     at = gathered->place[node] = gathered->slot[gathered->n] = gathered->n;
     gathered->node[gathered->n++]                            = node;
     for (PetscInt k = 0; k < size; k++) gathered->value[size * at + k] = 0.0;
+    for (PetscInt k = 0; k < size && gathered->met; k++) gathered->met[size * at + k] = PETSC_FALSE;
   }
   return gathered->value + size * at;
 }
@@ -106,6 +108,10 @@ static inline void LatinNodeLink(const LatinRows *rows, PetscInt bs, LatinNodeRo
       own[bs * c + j] += k;
       far[bs * c + j] -= k;
     }
+  if (!gathered->met) return;
+  for (PetscInt c = 0, at = (PetscInt)(far - own); c < bs; c++)
+    for (PetscInt j = 0; j < bs; j++)
+      if (direction[c] * direction[j] != 0.0) gathered->met[bs * c + j] = gathered->met[at + bs * c + j] = PETSC_TRUE;
 }
 
 /* Assembles the rows of a node; the diagonal block comes first */
@@ -135,7 +141,7 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     }
 }
 
-/* Writes row c of a node to K from entry nz on, without held columns and zeros, but with zeros of links with large rotations, whose pattern must not change. Returns the end of the row */
+/* Writes row c of a node to K from entry nz on, without held columns and zeros, but with zeros of links with large rotations and with those that are met, whose pattern must not change. Returns the end of the row */
 static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathered, PetscInt node, PetscInt c, LatinSparse *K, PetscInt nz)
 {
   const PetscInt bs = rows->sub->bs, r = bs * node + c;
@@ -146,10 +152,11 @@ static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathere
     return nz;
   }
   for (PetscInt n = 0; n < gathered->n; n++) {
-    const PetscReal *value = gathered->value + bs * (bs * gathered->slot[n] + c);
+    const PetscInt   at    = bs * (bs * gathered->slot[n] + c);
+    const PetscReal *value = gathered->value + at;
 
     for (PetscInt j = 0, column = bs * gathered->node[n]; j < bs; j++, column++) {
-      if (column != r && ((value[j] == 0.0 && !rows->sub->part) || rows->held[column])) continue;
+      if (column != r && ((value[j] == 0.0 && !rows->sub->part && !(gathered->met && gathered->met[at + j])) || rows->held[column])) continue;
       K->j[nz]   = column;
       K->a[nz++] = value[j];
     }
@@ -208,6 +215,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscCall(PetscMalloc1(bs * nodes + 1, &K->i));
   PetscCall(PetscMalloc2(entries, &K->j, entries, &K->a));
   PetscCall(PetscMalloc3(most, &gathered.node, most, &gathered.slot, bs * bs * most, &gathered.value));
+  if (sub->tangent && !sub->part && !sub->ki) PetscCall(PetscMalloc1(bs * bs * most, &gathered.met)); /* links slacken and stiffnesses cancel, but one symbolic factorisation serves all */
   PetscCall(PetscCalloc1(nodes, &gathered.place));
   for (PetscInt i = 0; i < nodes; i++) {
     if (sub->ki && bs == 1 && rows.part_first[i] == rows.part_first[i + 1]) {
@@ -228,6 +236,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   K->bs   = bs;
   K->rows = bs * nodes;
   PetscCall(PetscFree3(gathered.node, gathered.slot, gathered.value));
+  PetscCall(PetscFree(gathered.met));
   PetscCall(PetscFree(gathered.place));
   PetscCall(LatinRowsDestroy_Private(&rows));
   PetscFunctionReturn(0);
