@@ -28,7 +28,7 @@ INTERIOR = {
     "LATIN_COULOMB_GAP_LEAST": ("of the work", "Packings of 20 discs a side converge to errors of 1e-10 with it."),
     "LATIN_COULOMB_LEAST": ("", "Without it a random structure with a self-stress comes to a halt off balance."),
     "LATIN_COULOMB_LESS": ("", "With 1 the tensions of a random structure with a self-stress creep for 200 steps."),
-    "LATIN_COULOMB_REST": ("", "As `LATIN_NEWTON_REST`."),
+    "LATIN_STEP_RESTS": ("", "As `LATIN_NEWTON_REST`."),
     "LATIN_COULOMB_CREEPS": ("steps", "They only confirm: the tensions do not change any more."),
     "LATIN_COULOMB_REFINED": ("solves", "With 1 a block held by friction misses balance by more than rounding."),
     "LATIN_COULOMB_FLOOR": (

@@ -289,12 +289,17 @@ def test_what_moves_is_not_at_rest_for_light_nodes(light):
             assert np.allclose(it.v[:, 0], 1.0 / (2.0 + light), rtol=3e-4)
 
 
+def grains(**options):
+    """Return a packing of unit masses that random velocities shake."""
+    scene = make("packing", **options)
+    velocity = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, scene.nodes.shape))
+    return replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity)
+
+
 @pytest.mark.parametrize("h", [1e-2, 1e-1])
 def test_grains_with_friction_settle(h):
     """Discs, some of whose contacts are open: where the iteration stalls the interior-point method finds the step."""
-    scene = make("packing", law="friction", side=20)
-    velocity = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, scene.nodes.shape))
-    scene = replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity)
+    scene = grains(law="friction", side=20)
     with motion(scene, h) as it:
         for _ in range(8):
             u, v = it.u, it.v
@@ -306,9 +311,7 @@ def test_grains_with_friction_settle(h):
 @pytest.mark.parametrize("law", ["contact", "friction"])
 def test_steps_of_grains_at_rest_take_few_stages(law):
     """A step starts from the tensions of the one before it, whichever method has found them."""
-    scene = make("packing", law=law, side=20)
-    velocity = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, scene.nodes.shape))
-    scene, stages = replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity), []
+    scene, stages = grains(law=law, side=20), []
     with motion(scene, 0.01) as it:
         for _ in range(30):
             u, v = it.u, it.v
@@ -317,6 +320,26 @@ def test_steps_of_grains_at_rest_take_few_stages(law):
             assert max(step_errors(scene, 0.01, u, v, it.u, it.v, it.tensions).values()) < 1e-5
     assert max(stages) < 250
     assert np.median(stages[-5:]) < 40
+
+
+@pytest.mark.parametrize(
+    ("options", "h"),
+    [
+        ({"law": "contact", "side": 32}, 0.01),
+        ({"law": "elastic", "side": 20}, 0.1),
+        ({"law": "elastic", "side": 8, "dim": 3}, 0.1),
+        ({"law": "contact", "side": 8, "dim": 3}, 0.1),
+    ],
+)
+def test_chains_of_contacts_in_motion(options, h):
+    """Where contacts open and close in chains the interior-point method finds the step; it took thousands of stages."""
+    scene = grains(**options)
+    with motion(scene, h) as it:
+        for _ in range(20):
+            u, v = it.u, it.v
+            it.step()
+            assert it.iterations < 500
+            assert max(step_errors(scene, h, u, v, it.u, it.v, it.tensions).values()) < 1e-3
 
 
 def test_grains_with_friction_come_to_rest():

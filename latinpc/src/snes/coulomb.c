@@ -6,17 +6,16 @@
    another path may lead to a solution. None may be found.
 */
 
-#define LATIN_COULOMB_STEPS     200                            /* most steps */
-#define LATIN_COULOMB_LIFT      1e3                            /* growth of the mean product by a lift */
-#define LATIN_COULOMB_SLOW      15                             /* so many steps that do not halve the mean product show that the path turns back */
-#define LATIN_COULOMB_LESS      1e-2                           /* regularisation, relative to that without friction: with more, self-stresses creep */
-#define LATIN_COULOMB_REST      (64.0 * PETSC_MACHINE_EPSILON) /* unbalance relative to the tensions that is rounding */
-#define LATIN_COULOMB_REFINED   2                              /* solves for the least tensions */
-#define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5)  /* stiffness left in links, relative to their search parameters: holds grains without forces */
-#define LATIN_COULOMB_CREEPS    10                             /* most steps that only creep */
-#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6)  /* sum of the products, relative to the work of tensions and loads, that is small enough; less where the square of the requested error is less, */
-#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8)  /* but no less than this */
-#define LATIN_COULOMB_LEAST     1e-3                           /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
+#define LATIN_COULOMB_STEPS     200                           /* most steps */
+#define LATIN_COULOMB_LIFT      1e3                           /* growth of the mean product by a lift */
+#define LATIN_COULOMB_SLOW      15                            /* so many steps that do not halve the mean product show that the path turns back */
+#define LATIN_COULOMB_LESS      1e-2                          /* regularisation, relative to that without friction: with more, self-stresses creep */
+#define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions */
+#define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without forces */
+#define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep */
+#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6) /* sum of the products, relative to the work of tensions and loads, that is small enough; less where the square of the requested error is less, */
+#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* but no less than this */
+#define LATIN_COULOMB_LEAST     1e-3                          /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
 
 /* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
 static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
@@ -41,9 +40,9 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most, inertia; /* squared steps of tensions, tensions, work */
+  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
   PetscScalar push;
-  PetscBool   rests = PETSC_FALSE;
+  PetscBool   rests;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
@@ -64,18 +63,14 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   PetscCall(VecNorm(c->dd, NORM_2, &moved));
   PetscCall(VecNorm(c->d, NORM_2, &size));
   PetscCall(LatinEquilibriumPoint_Private(c->structure, &least));
-  if (c->structure->ground) { /* masses at rest: the forces of the last step are rounding of the tensions */
-    PetscCall(VecPointwiseMult(c->r, c->structure->ground, c->dd));
-    PetscCall(VecNorm(c->r, NORM_2, &inertia));
-    rests = (PetscBool)(inertia <= LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
-  }
+  PetscCall(LatinStepRests_Private(c->structure, c->dd, PetscSqrtReal(sum[1]), &rests));
   newton->error    = size > 0.0 ? moved / size : 0.0;
   newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   work             = sum[2] + PetscAbsScalar(push);
   left             = mean * c->count / work;
   goal             = PetscMin(LATIN_COULOMB_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
-  most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_COULOMB_REST * PetscSqrtReal(sum[1]));
+  most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_STEP_RESTS * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
   if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */

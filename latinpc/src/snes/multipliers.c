@@ -39,6 +39,23 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
   PetscFunctionReturn(0);
 }
 
+/* Is a change of the displacements in a time step rounding: its inertia forces are less than that of the tensions, whose l2 norm is given? Masses at rest have no other displacements. Collective on structure */
+PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, PetscReal tensions, PetscBool *rests)
+{
+  PetscReal inertia;
+  Vec       forces;
+
+  PetscFunctionBegin;
+  *rests = PETSC_FALSE;
+  if (!structure->ground) PetscFunctionReturn(0);
+  PetscCall(DMGetGlobalVector(structure->dm, &forces));
+  PetscCall(VecPointwiseMult(forces, structure->ground, moved));
+  PetscCall(VecNorm(forces, NORM_2, &inertia));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
+  *rests = (PetscBool)(inertia <= LATIN_STEP_RESTS * tensions);
+  PetscFunctionReturn(0);
+}
+
 /*
    Multiplier update: the tensions of the springs at u. An update reduces the gap error by the factor K / (K + r), with K the stiffness
    of the structure around the links. *done: the changes of displacements (since `before`) and tensions (relative to all tensions or to the loads)
@@ -49,7 +66,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
 {
   const LatinStructure structure = newton->structure;
   PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares: changes of tensions, tensions, gap errors, gap terms that are rounded */
-  PetscBool            misses, stays;
+  PetscBool            misses, stays, rests;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
@@ -67,6 +84,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecAXPY(before, -1.0, u));
   PetscCall(VecNorm(before, NORM_2, moved));
+  PetscCall(LatinStepRests_Private(structure, before, PetscSqrtReal(sum[1]), &rests));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
@@ -74,9 +92,9 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
   stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
   newton->gap = sum[2];
-  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                                                                                    /* too early: slowly converging tensions do not show yet */
-  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* relative to loads small tensions may be rounding */
-  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
+  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                      /* too early: slowly converging tensions do not show yet */
+  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* relative to loads small tensions may be rounding */
+  *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
   PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found));
   *moved = size > 0.0 ? *moved / size : 0.0;

@@ -232,7 +232,7 @@ static PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
   PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, newton->stages_left, NULL, &steps, &stages, &held, &newton->found));
-  newton->held = (PetscBool)(held && !newton->own_laws);
+  newton->held = (PetscBool)((held || newton->structure->ground) && !newton->structure->own_laws); /* masses bear any loads */
   newton->steps += steps;
   newton->stages += stages;
   newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
@@ -303,10 +303,11 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   else if (claims || rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
-  slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
+  slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes && (newton->structure->penalty || !newton->structure->ground)));
   newton->changes = changes;
   if (slow && !*reason) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
-  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER; /* it begins again where the interior-point method ends */
+  if (it == LATIN_NEWTON_FULL && !newton->tangent && !*reason) *reason = SNES_DIVERGED_MAX_IT; /* the solution is not near: it begins again with the tangent stiffness */
+  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER;                                 /* it begins again where the interior-point method ends */
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* direct solvers do not call the test that sets it */
@@ -454,8 +455,6 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
     PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
     PetscCall(VecCopy(u, start));
   }
-  newton->stages_left = newton->limit - newton->stages;
-  if (newton->structure->ground && newton->structure->penalty && newton->tangent && !newton->structure->own_laws) PetscCall(LatinNewtonConvex_Private(newton, snes->vec_rhs, u)); /* masses bear any loads */
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED && newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones */
     PetscCall(VecCopy(start, u));

@@ -93,6 +93,8 @@ PETSC_INTERN PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *, const 
 PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
+#define LATIN_STEP_RESTS (64.0 * PETSC_MACHINE_EPSILON) /* unbalance relative to the tensions that is rounding */
+PETSC_INTERN PetscErrorCode LatinStepRests_Private(LatinStructure, Vec moved, PetscReal tensions, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
