@@ -10,6 +10,8 @@ import click
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc.files.history import read_history
+from latinpc.files.text import nearest
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
 from latinpc.results.cad import check_ezdxf
@@ -17,6 +19,7 @@ from latinpc.results.notices import SolveError
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
+from latinpc.runs.history import History
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
 from latinpc.solvers import has_package, outer_snes
@@ -29,7 +32,7 @@ from .scenes import SceneCommand, open_scene, scene_options
 #: Options of a run, not of the scene
 RUN = (
     "reference", "digits", "num_steps", "time_step", "output_every", "node_mass", "increments", "checkpoint",
-    "checkpoint_every", "restart",
+    "checkpoint_every", "restart", "from_equilibrium", "history",
 )  # fmt: skip
 
 
@@ -51,6 +54,14 @@ RUN = (
 @click.option("-v", "--verbose", is_flag=True, help="Also print subdomains, norms, PETSc's types and reasons.")
 @click.option("--num-steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
 @click.option("--time-step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
+@click.option(
+    "--from-equilibrium", is_flag=True, help="Start a motion from the equilibrium of the loads, not as drawn."
+)
+@click.option(
+    "--history",
+    metavar="FILE",
+    help="Loads of a motion vary: a table (.csv) of time and factor. With --case: what acts in that case alone.",
+)
 @click.option(
     "--output-every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all."
 )
@@ -83,7 +94,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
         raise ValueError("--amplify is for pictures: give --picture or --html")
     files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
     files |= dict(zip(("members", "nodes"), csv or ()))
-    scene = on_root(comm, _prepare, scene, moves, files, options)
+    scene, run["history"] = on_root(comm, _prepare, scene, moves, files, options, run["history"])
     count = options.get("subdomains") if scene.subdomain is None else None
     if count is not None and not 1 <= count <= len(scene.links):
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
@@ -115,10 +126,14 @@ def _mechanism_drawn(comm, scene, picture):
 
 
 def _check(
-    reference, digits, num_steps, time_step, output_every, node_mass, increments, checkpoint, checkpoint_every, restart
-):
+    reference, digits, num_steps, time_step, output_every, node_mass, increments, checkpoint, checkpoint_every, restart,
+    from_equilibrium, history,
+):  # fmt: skip
     """Refuse options that do not go together."""
-    for value, name in ((time_step, "time-step"), (output_every, "output-every"), (node_mass, "node-mass")):
+    for value, name in (
+        (time_step, "time-step"), (output_every, "output-every"), (node_mass, "node-mass"), (history, "history"),
+        (from_equilibrium or None, "from-equilibrium"),
+    ):  # fmt: skip
         if value is not None and num_steps is None:
             raise ValueError(f"--{name} is for a motion: give the number of steps with --num-steps")
     if num_steps is not None:
@@ -152,8 +167,8 @@ def _keeper(comm, run):
     return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 
-def _prepare(scene, moves, files, options):
-    """Open the scene, and refuse results that could not be written before any work is done; on one rank."""
+def _prepare(scene, moves, files, options, history):
+    """Open the scene and the history; refuse results that could not be written before any work is done; on one rank."""
     kinds = {
         "output": (".pvd", ".vtu") if moves else (".vtu", ".dxf"),
         "picture": (".gif", ".png", ".pdf", ".svg") if moves else (".png", ".pdf", ".svg"),
@@ -167,10 +182,21 @@ def _prepare(scene, moves, files, options):
             check_ezdxf(path)
     if str(files["output"]).lower().endswith(".pvd"):
         frames_folder(files["output"])
+    name = options.pop("case") if history is not None else None  # which acts besides the scene
     scene = open_scene(scene, options)
+    if history is not None:
+        history = History(*read_history(history), _case_of(scene, name))
     if scene.velocity is not None and not moves:
         raise ValueError(f"{scene.name} moves: give the number of time steps with --num-steps")
-    return scene
+    return scene, history
+
+
+def _case_of(scene, name):
+    """Return the load case of a name; None without one."""
+    cases = {case.name: case for case in scene.cases}
+    if name is not None and name not in cases:
+        raise ValueError(f"--case {name}: {scene.name} has no load case of this name{nearest(name, cases)}")
+    return cases.get(name)
 
 
 def _solve(scene, subdomains, run, say, keeper):
@@ -215,6 +241,8 @@ def _move(scene, subdomains, run, say, files, keeper):
         every=run["output_every"] if films else 0,
         keeper=keeper,
         each_step=None if say is None else monitor,
+        from_equilibrium=run["from_equilibrium"],
+        history=run["history"],
     )
 
 

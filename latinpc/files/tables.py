@@ -30,6 +30,7 @@ UNITS = (
     {axis: LENGTH for axis in ("x", "y", "z", "ux", "uy", "uz", "initial_elongation")}
     | {name: FORCE for name in ("Fx", "Fy", "Fz", "EA", "prestress")}
     | {"stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6}, "mass": {"kg": 1.0, "t": 1e3}, "strain": {"": 1.0}}
+    | {"time": {"s": 1.0, "ms": 1e-3}}
     | {"area": {"m2": 1.0, "m²": 1.0, "cm2": 1e-4, "cm²": 1e-4, "mm2": 1e-6, "mm²": 1e-6}}
     | {"strength": {"Pa": 1.0, "MPa": 1e6, "N/mm2": 1e6, "N/mm²": 1e6, "GPa": 1e9}}
 )
@@ -39,13 +40,14 @@ MEMBERS = (
     "group",
 )  # fmt: skip
 LAW = MEMBERS[3:11]
+NEEDED = ("x", "y", "z", "time", "factor")  # no cell of theirs may be empty
 HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
 def read_tables(path):
     """Read nodes.csv and members.csv; return `Lines`. Raises ValueError with the file and its line."""
     nodes_file, members_file = _pair(pathlib.Path(path))
-    nodes = _Table(nodes_file, NODES, ("x",))
+    nodes = Table(nodes_file, NODES, ("x",))
     names = nodes.columns.get("node", [str(number + 1) for number in range(len(nodes.rows))])
     number = {}
     for row, name in zip(nodes.rows, names):
@@ -54,7 +56,7 @@ def read_tables(path):
                 nodes_file, row, f"node '{name}' is there already, on line {nodes.rows[number[name]]}", "one line each"
             )
         number[name] = len(number)
-    members = _Table(members_file, MEMBERS, ("start", "end"))
+    members = Table(members_file, MEMBERS, ("start", "end"))
     ends = np.column_stack([_ends(members, key, number, nodes_file) for key in ("start", "end")])
     same = np.flatnonzero(ends[:, 0] == ends[:, 1])
     if same.size:
@@ -94,7 +96,7 @@ def _pair(path):
     return pair
 
 
-class _Table:
+class Table:
     """A CSV file: its columns by name, and the line of the file of each row.
 
     Parameters
@@ -164,7 +166,7 @@ class _Table:
             return np.zeros(len(self.rows))
         values = np.zeros(len(self.rows))
         for index, cell in enumerate(self.columns[name]):
-            number = self.number(cell) if cell or name in "xyz" else 0.0
+            number = self.number(cell) if cell or name in NEEDED else 0.0
             if number is None:
                 wrong(self.path, self.rows[index], f"{name} is '{cell}'", "a finite number")
             values[index] = number

@@ -53,6 +53,11 @@ class Keeper:
             return {}
         return {f"snes_latin_{part}coarse_pc_type": "redundant" for part in ("", "newton_pc_latin_")}
 
+    @property
+    def restarts(self):
+        """Whether the run continues from a state."""
+        return self._restart is not None
+
     def about(self, scene, **run):
         """Describe the run: a state of another run is refused."""
         self._about = {"the scene": digest(scene), **{key.replace("_", " "): value for key, value in run.items()}}

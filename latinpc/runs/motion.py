@@ -12,13 +12,15 @@ from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
-from latinpc.results.notices import errors_as_given
+from latinpc.results.notices import SolveError, errors_as_given
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
+from latinpc.results.solve import attach_linear, gather
 from latinpc.results.units import quantity
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
+from .history import Acting
 from .report import environment
 
 CONTRAST = 1e3  # of masses, above which a message on a step that fails names it
@@ -58,14 +60,14 @@ class Motion:
 
 def move(
     scene, steps, step=None, options=None, *, subdomains=None, mass=None, every=None, comm=None, each_step=None,
-    keeper=None,
+    keeper=None, from_equilibrium=False, history=None,
 ):  # fmt: skip
     """Make time steps with the TS that the options name, `latin` by default; collective.
 
     Parameters
     ----------
     scene : Scene
-        The same on every rank; it starts without displacement, with its velocities.
+        The same on every rank; it starts as drawn, with its velocities.
     steps : int
         Number of steps.
     step : float, optional
@@ -84,6 +86,10 @@ def move(
         Called after each step with its number and its time.
     keeper : Keeper, optional
         Saves the state between steps; after a restart, frames start there.
+    from_equilibrium : bool
+        Start from the equilibrium of what acts at the start, not as drawn.
+    history : latinpc.runs.history.History, optional
+        How actions vary with time; those of the scene stay.
 
     Returns
     -------
@@ -91,13 +97,15 @@ def move(
         Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, solver, steps, step, time, converged, reason, iterations (of each
         step), iterations_mean, kinetic_energy and potential_energy (at the start and after each step), active (links
-        that can be slack and are not, after each step), first_step_seconds (with the set-up), seconds,
-        peak_memory_bytes, versions, options. What does not apply is None.
+        that can be slack and are not, after each step), from_equilibrium, history (times and factors),
+        first_step_seconds (with the set-up), seconds, peak_memory_bytes, versions, options. What does not apply is
+        None.
 
     Raises
     ------
     ValueError, LatinError
-        On every rank. A step that does not converge is no error: see ``report["reason"]``.
+        On every rank. A step that does not converge is no error: see ``report["reason"]``. An equilibrium to start
+        from that is not found is one.
     """
     if mass is not None:
         scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
@@ -114,19 +122,46 @@ def move(
     settings = keeper.options | given_options(options)
     if subdomains is not None:
         settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
-    v = structure.create_vec()
+    u, v = structure.create_vec(), structure.create_vec()
     if scene.velocity is not None:
         structure.set_displacements(scene.velocity, v)
     with default_options(settings), errors_as_given(structure):
-        ts = structure.create_ts(v=v)
+        acting = None
+        if history is not None:
+            acting = Acting(structure, scene, history)
+            acting.set(PETSc.Options().getReal("ts_init_time", 0.0))  # where the TS finds the supports
+            scene = acting.whole
+        notices = _balance(structure, u) if from_equilibrium and not keeper.restarts else []
+        ts = structure.create_ts(u, v)
         try:
             ts.setTimeStep(step)
             ts.setMaxSteps(steps)
             ts.setErrorIfStepFails(False)
             ts.setFromOptions()
-            return _move(_Recorder(scene, structure, ts, steps, every, each_step, keeper), ts.getTimeStep())
+            if acting is not None:
+                ts.setPreStep(acting.before_step)
+            recorder = _Recorder(scene, structure, ts, steps, every, each_step, keeper, acting)
+            motion = _move(recorder, ts.getTimeStep(), from_equilibrium)
+            motion.notices = notices + motion.notices
+            return motion
         finally:
             ts.destroy()
+
+
+def _balance(structure, u):
+    """Write the displacements of equilibrium under what now acts into u; return what is to be said of them."""
+    snes = structure.create_snes()
+    try:
+        snes.setFromOptions()
+        core = attach_linear(structure, snes)
+        snes.solve(None, u)
+        found = gather(structure, snes, core, u)
+    finally:
+        snes.destroy()
+    if not found.converged:
+        said = "; ".join([found.reason, *found.notices])
+        raise SolveError(f"no equilibrium has been found to start from: not converged: {said}")
+    return [f"equilibrium at the start: {notice}" for notice in found.notices]
 
 
 class _Recorder:
@@ -135,8 +170,8 @@ class _Recorder:
     Parameters are those of `move`. Methods are collective.
     """
 
-    def __init__(self, scene, structure, ts, steps, every, each_step, keeper):
-        self.scene, self.structure, self.ts, self.keeper = scene, structure, ts, keeper
+    def __init__(self, scene, structure, ts, steps, every, each_step, keeper, acting):
+        self.scene, self.structure, self.ts, self.keeper, self.acting = scene, structure, ts, keeper, acting
         self.past = {"iterations": [], "kinetic_energy": [], "potential_energy": [], "active": []}
         self.frames = []
         self.first_end = None  # clock after the first step
@@ -159,6 +194,8 @@ class _Recorder:
         start = time.perf_counter()
         if number == 1:
             self.first_end = start
+        if self.acting is not None:
+            self.acting.set(self.ts.getTime())
         u, v = self.ts.getSolution2()
         if number:
             self.past["iterations"].append(self.ts.getSNES().getIterationNumber())
@@ -183,11 +220,13 @@ class _Recorder:
             ts.setConvergedReason(PETSc.TS.ConvergedReason.CONVERGED_USER)
 
 
-def _move(recorder, step):
+def _move(recorder, step, from_equilibrium):
     """Make the steps and report; collective."""
     scene, structure, ts, keeper = recorder.scene, recorder.structure, recorder.ts, recorder.keeper
     comm, snes = structure.comm.tompi4py(), ts.getSNES()
-    keeper.about(scene, length_of_a_step=step)
+    acting = recorder.acting
+    history = None if acting is None else [acting.history.times.tolist(), acting.history.factors.tolist()]
+    keeper.about(scene, length_of_a_step=step, history_of_loads=history)
     ts.setPostStep(recorder.after_step)
     if ts.getType() == "latin":
         ts.setUp()  # a geometry that an option gives is that of the structure from here on
@@ -223,6 +262,8 @@ def _move(recorder, step):
         "converged": reason > 0,
         "reason": reason_name(PETSc.TS.ConvergedReason, reason),
         **recorder.past,
+        "from_equilibrium": from_equilibrium,
+        "history": history,
         "iterations_mean": float(np.mean(iterations)) if iterations else None,
         "first_step_seconds": recorder.first_end - start if recorder.first_end is not None else None,
         "seconds": duration,
@@ -235,7 +276,9 @@ def _move(recorder, step):
         frames=recorder.frames,
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=solvers.node_classes(snes) if is_latin else None,
-        notices=notices + _grown(ts, report) + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass)),
+        notices=notices
+        + ([] if acting is not None else _grown(ts, report))
+        + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass, acting is None)),
     )
 
 
@@ -265,11 +308,12 @@ def _massless(structure, ts):
     named = structure.node_names(nodes[:NAMED], len(nodes) > NAMED)
     return [
         f"nodes without mass start out of balance, by up to {quantity(left.max(), 'N')}, and swing about it for ever,"
-        f" as nothing is damped: {named}; start from displacements in balance, or give them a mass"
+        f" as nothing is damped: {named}; start from displacements in balance (--from-equilibrium), or give them"
+        " a mass"
     ]
 
 
-def _causes(ts, snes, structure, mass):
+def _causes(ts, snes, structure, mass, repeats):
     """Return a sentence on why a step has not converged."""
     names = PETSc.SNES.ConvergedReason
     start, step = ts.getTime(), ts.getTimeStep()
@@ -287,5 +331,6 @@ def _causes(ts, snes, structure, mass):
         contrast = heavy.max() / heavy.min()
         text += f"; masses differ by a factor of {contrast:.0e}: light nodes between heavy ones converge slowly"
     if structure.geometry == "large" and not loose:
-        text += "; take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail"
+        text += "; take shorter steps"
+        text += ", or -ts_max_snes_failures -1, which shortens those that fail" if repeats else ""
     return [text]
