@@ -15,7 +15,7 @@ from support import chain, grid, irregular, lattice, logged, network
 
 import latinpc
 from latinpc.options import default_options
-from latinpc.scenes import Law
+from latinpc.scenes import Law, Scene
 
 # ---- closed forms ------------------------------------------------------------------------------
 
@@ -377,11 +377,22 @@ def test_a_step_that_fails_says_so_or_is_made_shorter():
     scene = heavy(grid(modules=4, subdomains=4), mass=20.0, speed=10.0)
     with motion(scene, 1e-2, snes_max_it=4) as it:
         it.ts.setErrorIfStepFails(True)
-        with pytest.raises(PETSc.Error):
-            it.step()
+        said = message(it.step)
+        assert "Step 1, from 0. to 0.01, has not converged: DIVERGED_MAX_IT. The iterations that -snes_max_it" in said
+        assert "Take shorter steps, or -ts_max_snes_failures -1" in said
     with motion(scene, 1e-2, snes_max_it=6, snes_stol=1e-3, ts_max_snes_failures=-1, ts_max_reject=20) as it:
         it.step()
         assert 0 < it.ts.getTime() < 1e-2
+
+
+def test_a_step_that_has_no_solution_names_nodes_without_mass():
+    """A cable bears no push, and nothing else resists the load on its end."""
+    scene = Scene(
+        name="pushed", nodes=[[0.0], [1.0], [2.0]], links=[[0, 1], [0, 2]], law=[Law.CABLE, Law.BAR], stiffness=100.0,
+        fixed=[[True], [False], [False]], load=[[0.0], [-1.0], [0.0]], mass=[0.0, 0.0, 1.0],
+    )  # fmt: skip
+    with motion(scene, 1e-2) as it:
+        assert "Links do not hold nodes 1 against the loads, and they have no mass: give them one" in message(it.step)
 
 
 def test_misuse_is_told_with_its_cure():

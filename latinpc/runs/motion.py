@@ -320,7 +320,10 @@ def _causes(ts, snes, structure, mass, repeats):
     text = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {quantity(start + step, 's', 6)}"
     text += f", has not converged: {reason_name(names, snes.getConvergedReason())}"
     loose, nodes = solvers.unsupported_nodes(snes) if snes.getType() == "latin" else (0, [])
-    if loose and not mass[nodes].any():
+    jammed, links = solvers.jammed_links(snes) if snes.getType() == "latin" else (0, [])
+    if jammed:
+        text += f"; the gaps of the rigid links {structure.link_names(links, jammed > len(links))} are incompatible"
+    elif loose and not mass[nodes].any():
         named = structure.node_names(nodes, loose > len(nodes))
         text += f"; links do not hold nodes {named} against the loads, and they have no mass: give them one"
     elif snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
@@ -330,7 +333,7 @@ def _causes(ts, snes, structure, mass, repeats):
     if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
         contrast = heavy.max() / heavy.min()
         text += f"; masses differ by a factor of {contrast:.0e}: light nodes between heavy ones converge slowly"
-    if structure.geometry == "large" and not loose:
+    if structure.geometry == "large" and not (loose or jammed):
         text += "; take shorter steps"
         text += ", or -ts_max_snes_failures -1, which shortens those that fail" if repeats else ""
     return [text]

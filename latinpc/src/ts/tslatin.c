@@ -1,5 +1,4 @@
-#include "snes/sneslatinimpl.h"
-#include <petsc/private/tsimpl.h>
+#include "ts/failedstep.h"
 
 /*
    TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, for motions with velocity
@@ -173,6 +172,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
     ts->reject++;
     if (!ts->reason && ++rejections > ts->max_reject && ts->max_reject >= 0) ts->reason = TS_DIVERGED_STEP_REJECTED;
   }
+  if (ts->reason == TS_DIVERGED_NONLINEAR_SOLVE && ts->errorifstepfailed) PetscCall(TSLatinFailed_Private(ts, data->step, snes));
   if (ts->reason) PetscFunctionReturn(0);
   data->started = PETSC_TRUE;
   PetscCall(LatinStepMade_Private(data->step));

@@ -1,0 +1,71 @@
+#include "ts/failedstep.h"
+
+/* What an error says of a step whose SNES has not converged: the step, the cause as far as it is known, a cure. No mathematics of the method here */
+
+#define LATIN_CONTRAST 1e3 /* of masses, above which the message names it; the same as in Python */
+
+/* Writes numbers in a row. Not collective */
+static PetscErrorCode LatinListed_Private(PetscInt listed, PetscInt count, const PetscInt number[], size_t room, char text[])
+{
+  size_t used = 0;
+
+  PetscFunctionBegin;
+  text[0] = 0;
+  for (PetscInt i = 0; i < listed; i++) {
+    PetscCall(PetscSNPrintf(text + used, room - used, "%s%" PetscInt_FMT, i ? ", " : "", number[i]));
+    PetscCall(PetscStrlen(text, &used));
+  }
+  if (count > listed) PetscCall(PetscStrlcat(text, " and others", room));
+  PetscFunctionReturn(0);
+}
+
+/* heavy: whether a listed node has a mass; contrast: largest mass over least one above zero. Collective on base */
+static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, const PetscInt node[], PetscBool *heavy, PetscReal *contrast)
+{
+  PetscReal most[3] = {-PETSC_MAX_REAL, 0.0, 0.0}; /* - least mass, largest mass, whether a listed node has one */
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < base->nodes_local; i++) {
+    if (base->mass[i] <= 0.0) continue;
+    most[0] = PetscMax(most[0], -base->mass[i]);
+    most[1] = PetscMax(most[1], base->mass[i]);
+    for (PetscInt j = 0; j < listed; j++)
+      if (node[j] == base->nodes_start + i) most[2] = 1.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)base)));
+  *heavy    = (PetscBool)(most[2] > 0.0);
+  *contrast = most[1] / -most[0];
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode TSLatinFailed_Private(TS ts, LatinStructure step, SNES snes)
+{
+  char                names[256], cause[512] = "";
+  PetscInt            jammed = 0, loose = 0, links = 0, nodes = 0;
+  const PetscInt     *link = NULL, *node = NULL;
+  PetscReal           contrast = 1.0;
+  PetscBool           latin, heavy = PETSC_FALSE;
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetConvergedReason(snes, &reason));
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  if (latin) {
+    PetscCall(SNESLatinGetJammedLinks(snes, &jammed, &links, &link));
+    PetscCall(SNESLatinGetUnsupportedNodes(snes, &loose, &nodes, &node, NULL));
+  }
+  PetscCall(LatinMasses_Private(step->base, nodes, node, &heavy, &contrast));
+  if (jammed) {
+    PetscCall(LatinListed_Private(links, jammed, link, sizeof(names), names));
+    PetscCall(PetscSNPrintf(cause, sizeof(cause), "The gaps of the rigid links %s are incompatible: look at the supports that move", names));
+  } else if (loose && !heavy) {
+    PetscCall(LatinListed_Private(nodes, loose, node, sizeof(names), names));
+    PetscCall(PetscSNPrintf(cause, sizeof(cause), "Links do not hold nodes %s against the loads, and they have no mass: give them one", names));
+  } else {
+    if (latin && reason == SNES_DIVERGED_INNER) PetscCall(PetscStrlcat(cause, "The requested error is below the rounding error of this step: take a larger one, -snes_latin_error. ", sizeof(cause)));
+    if (reason == SNES_DIVERGED_MAX_IT) PetscCall(PetscStrlcat(cause, "The iterations that -snes_max_it allows were not enough. ", sizeof(cause)));
+    if (reason == SNES_DIVERGED_MAX_IT && contrast > LATIN_CONTRAST) PetscCall(PetscStrlcat(cause, "Masses differ by a large factor: light nodes between heavy ones converge slowly. ", sizeof(cause)));
+    PetscCall(PetscStrlcat(cause, "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", sizeof(cause)));
+  }
+  SETERRQ(PetscObjectComm((PetscObject)ts), PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT ", from %g to %g, has not converged: %s. %s", ts->steps + 1, (double)ts->ptime, (double)(ts->ptime + ts->time_step), SNESConvergedReasons[reason], cause);
+}
