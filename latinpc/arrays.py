@@ -1,5 +1,7 @@
 """Check the arrays of the caller, and distribute them over the ranks."""
 
+import re
+
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -14,6 +16,7 @@ __all__ = [
 REAL = np.dtype(PETSc.RealType)
 Solver = PETSc.SNES | PETSc.KSP | PETSc.PC  #: what may be of type latin and has subdomains
 _MAX_NAMED = 5
+_PLURAL = {"has": "have", "joins": "join", "needs": "need"}  # verbs of `refuse`
 
 
 class Slices:
@@ -178,12 +181,27 @@ def partition(name, values, links):
 
 
 def refuse(wrong, what, why, values):
-    """Raise a ValueError that names the first culprits, rows of which any entry is wrong."""
+    """Raise a ValueError that names the first culprits, rows of which any entry is wrong.
+
+    Parameters
+    ----------
+    wrong : array of bool
+    what : str
+        A link or a node, in the singular.
+    why : str
+        A verb of `_PLURAL` in the singular, and what follows.
+    values : array
+        Of each culprit.
+    """
     if not wrong.any():
         return
     culprits = np.flatnonzero(wrong if wrong.ndim == 1 else wrong.any(axis=1))
     named = ", ".join(f"{i} ({np.array2string(values[i])})" for i in culprits[:_MAX_NAMED])
     more = f" and {culprits.size - _MAX_NAMED} more" if culprits.size > _MAX_NAMED else ""
+    if culprits.size > 1:
+        verb, _, rest = why.partition(" ")
+        rest = re.sub(r"\bits\b", "their", rest)
+        what, why = f"{what}s", f"{_PLURAL[verb]} {rest}"
     raise ValueError(f"{what} {named}{more} {why}")
 
 

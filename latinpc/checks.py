@@ -211,9 +211,9 @@ class Checks:
             raise ValueError(f"{name} must have the shape {self.shape}, {meaning}: one number does not say which")
         values = given.astype(self.dtype if dtype is None else dtype, copy=False)
         if dtype is bool:
-            refuse(~np.isin(given, (0, 1)), "node", f"has a {name} that is neither true nor false", given)
+            refuse(~np.isin(given, (0, 1)), "node", f"has an entry of {name} that is neither true nor false", given)
         else:
-            refuse(~np.isfinite(values), "node", f"has a {name} that is not finite", values)
+            refuse(~np.isfinite(values), "node", f"has an entry of {name} that is not finite", values)
         return values
 
     def initial_elongation(self, values):

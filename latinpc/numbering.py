@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,6 +83,14 @@ class Numbered:
     def link_names(self, links: Iterable[int], more: bool = False) -> str:
         """Return several `link_name` in a row, `more` adds that there are others."""
         return ", ".join(map(self.link_name, links)) + (" and others" if more else "")
+
+    def some_nodes(self, nodes: Sequence[int], more: bool = False) -> str:
+        """Return `node_names` with their noun, ``"node 3"`` or ``"nodes 3, 4"``."""
+        return f"node{'s' if more or len(nodes) > 1 else ''} {self.node_names(nodes, more)}"
+
+    def some_links(self, links: Sequence[int], more: bool = False) -> str:
+        """Return `link_names` with their noun, ``"link 3"`` or ``"links 3, 4"``."""
+        return f"link{'s' if more or len(links) > 1 else ''} {self.link_names(links, more)}"
 
     def counted_as_given(self, text: str) -> str:
         """Return an error of the library with nodes and links called by their names."""

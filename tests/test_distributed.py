@@ -163,10 +163,10 @@ cases = {
     "a coordinate that is not finite": lambda: make(nodes=np.full((3, 1), np.nan)),
     "joins a node that does not exist": lambda: make(links=[[first, first + 3]]),
     "joins a node to itself": lambda: make(links=[[first, first]]),
-    "needs a positive stiffness": lambda: make(stiffness=-1.0),
+    "a positive stiffness": lambda: make(stiffness=-1.0),
     "must be an (n, dim) array": lambda: make(nodes=np.zeros(3)),
     "law must have the shape": lambda: make(law=5 * ["bar"]),
-    "has no length": lambda: make(nodes=np.full((3, 1), first + 0.5)),
+    " no length": lambda: make(nodes=np.full((3, 1), first + 0.5)),
     "load must have the shape": lambda: structure.set_load(np.zeros((9, 1)) if last else np.zeros((3, 1))),
     "not fixed": lambda: structure.set_prescribed(np.ones((3, 1)) if last else np.zeros((3, 1))),
 }

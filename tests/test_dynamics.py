@@ -392,7 +392,7 @@ def test_a_step_that_has_no_solution_names_nodes_without_mass():
         fixed=[[True], [False], [False]], load=[[0.0], [-1.0], [0.0]], mass=[0.0, 0.0, 1.0],
     )  # fmt: skip
     with motion(scene, 1e-2) as it:
-        assert "Links do not hold nodes 1 against the loads, and they have no mass: give them one" in message(it.step)
+        assert "Links do not hold node 1 against the loads, and it has no mass: give it one" in message(it.step)
 
 
 def test_misuse_is_told_with_its_cure():

@@ -121,7 +121,7 @@ def test_struts_have_negative_densities():
 @pytest.mark.parametrize("strut", [-4.0, -4.0 * (1.0 + 1e-15)])
 def test_densities_that_cancel_are_refused_with_the_nodes(strut):
     """Four guys and a strut of four times as much: any height, or none, is in equilibrium."""
-    with pytest.raises(ValueError, match=r"struts and cables cancel.* next to nodes 5"):
+    with pytest.raises(ValueError, match=r"struts and cables cancel.* next to node 5"):
         latinpc.form_find(**mast(strut))
     assert abs(latinpc.form_find(**mast(-4.0 * (1.0 + 1e-6)), load=[[0.0, 0.0, 1e-3]] * 6).nodes[5, 2]) > 100.0
 
@@ -304,21 +304,21 @@ def test_misuse_is_named():
         (given | {"density": 0.0}, "all force densities are zero"),
         (given | {"density": [5.0] * 3 + [0.0] * 3 + [5.0] * 4}, "nodes 4, 5 are not connected with a support"),
         (part, "nodes 4, 5 are not connected with a support"),
-        (given | {"density": np.inf}, r"link 0 \\(inf\\).* needs a finite density"),
+        (given | {"density": np.inf}, r"links 0 \(inf\).* need a finite density"),
         (given | {"density": [1.0, 2.0]}, r"density must have the shape \\(10,\\)"),
         (given | {"density": None}, "from force densities .* or natural lengths"),
         (given | {"natural_length": 1.0}, "natural lengths need the axial stiffness"),
-        (given | {"natural_length": -1.0, "EA": 1.0}, "needs a positive natural_length"),
-        (given | {"EA": 0.0}, "needs a positive EA"),
-        (given | {"density": -5.0, "law": "cable"}, "has a force density that its law cannot bear"),
+        (given | {"natural_length": -1.0, "EA": 1.0}, "need a positive natural_length"),
+        (given | {"EA": 0.0}, "need a positive EA"),
+        (given | {"density": -5.0, "law": "cable"}, "have a force density that their law cannot bear"),
         (given | {"law": "inextensible"}, "takes the laws bar, cable and compression_only"),
         (given | {"density": -5.0, "EA": 1.0}, "link 0 bears .* no natural length becomes so short"),
-        (given | {"links": [[0, 11]] * 10}, "joins a node that does not exist"),
-        (given | {"links": [[3, 3]] * 10}, "joins a node to itself"),
+        (given | {"links": [[0, 11]] * 10}, "join a node that does not exist"),
+        (given | {"links": [[3, 3]] * 10}, "join a node to itself"),
         (given | {"nodes": np.zeros((11, 4))}, "dim 1, 2 or 3"),
         (given | {"nodes": np.zeros((11, 3)), "load": None}, "link 0 has no length in the form, one of 10"),
-        (given | {"load": [[0.0, np.nan, 0.0]] * 11}, "has a load that is not finite"),
-        (given | {"mass": -1.0}, "has a mass that is negative"),
+        (given | {"load": [[0.0, np.nan, 0.0]] * 11}, "have an entry of load that is not finite"),
+        (given | {"mass": -1.0}, "have a mass that is negative"),
     ):
         with pytest.raises(ValueError, match=said.replace("\\\\", "\\")):
             latinpc.form_find(**wrong)

@@ -154,7 +154,7 @@ def test_a_collapse_ends_before_all_stages(friction, thickness, way, part):
         found = beyond.solve()
     assert found.report["reason"] == "DIVERGED_DTOL"
     assert found.report["iterations"] < 3000
-    assert found.notices[0].startswith("no equilibrium: neither links nor friction hold nodes")
+    assert found.notices[0].startswith("no equilibrium: neither links nor friction hold node")
 
 
 def disks(seed, units=1.0, turned=0.0):
@@ -198,7 +198,7 @@ def test_grains_stand_up_to_their_limit_and_fall_beyond(seed, units):
     with pytest.warns(latinpc.ConvergenceWarning):
         found = latinpc.Structure.from_scene(replace(scene, load=scene.load + 1.01 * limit * more)).solve()
     assert found.report["reason"] == "DIVERGED_DTOL"
-    assert found.notices[0].startswith("no equilibrium: neither links nor friction hold nodes")
+    assert found.notices[0].startswith("no equilibrium: neither links nor friction hold node")
 
 
 def pulled(friction, pull, weight=10.0):
@@ -217,7 +217,7 @@ def test_a_grain_in_space_falls_where_no_friction_holds_it(units):
     with pytest.warns(latinpc.ConvergenceWarning):
         found = latinpc.Structure.from_scene(scene).solve()
     assert found.report["reason"] == "DIVERGED_DTOL"
-    assert found.notices == ["no equilibrium: neither links nor friction hold nodes 0"]
+    assert found.notices == ["no equilibrium: neither links nor friction hold node 0"]
 
 
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])

@@ -150,7 +150,7 @@ def test_a_table_that_yields_is_not_said_to_be_slack():
     with pytest.warns(latinpc.ConvergenceWarning):
         found = structure.solve()
     assert not found.converged
-    assert "no equilibrium: links that are slack or yield no longer hold nodes 1" in found.notices
+    assert "no equilibrium: links that are slack or yield no longer hold node 1" in found.notices
     assert "2 links (1 cable, 1 link of the law yields) in 1D" in str(found)
 
 
@@ -176,7 +176,7 @@ def test_a_solve_that_is_given_up_does_not_ask_for_more_iterations():
         comm=PETSc.COMM_SELF,
     )  # fmt: skip
     with pytest.warns(latinpc.ConvergenceWarning):
-        assert "no equilibrium: links that are slack or yield no longer hold nodes 2" in structure.solve().notices
+        assert "no equilibrium: links that are slack or yield no longer hold node 2" in structure.solve().notices
     with pytest.warns(latinpc.ConvergenceWarning):
         found = structure.solve(options={"snes_latin_newton_pc_type": "lu"})
     assert "DIVERGED_MAX_IT" in found.reason and found.iterations < 10_000

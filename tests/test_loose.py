@@ -11,7 +11,7 @@ import latinpc
 from latinpc.results import mechanics
 from latinpc.scenes import Law
 
-SAID = re.compile(r"links that are slack or yield leave nodes (\d+(?:, \d+)*)\D* free in some direction")
+SAID = re.compile(r"links that are slack or yield leave nodes? (\d+(?:, \d+)*)\D* free in some direction")
 
 
 def line(laws, stiffness, e0, load):

@@ -114,7 +114,7 @@ def test_nodes_without_mass_that_nothing_holds_are_named():
     )  # fmt: skip
     result = move(scene, 3, 1e-2)
     assert not result.converged
-    assert "step 1" in result.notices[-1] and "hold nodes 2 against the loads" in result.notices[-1]
+    assert "step 1" in result.notices[-1] and "hold node 2 against the loads" in result.notices[-1]
     assert "rounding" not in result.notices[-1]
     held = replace(scene, mass=np.array([0.0, 0.0, 1.0, 1.0]))
     assert move(held, 3, 1e-2).converged

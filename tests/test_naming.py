@@ -71,7 +71,7 @@ def test_no_equilibrium_names_nodes_of_the_file(tmp_path):
     scene = latinpc.read(tables(tmp_path, -1e3))
     with pytest.warns(latinpc.ConvergenceWarning):
         result = scene.solve()
-    assert "no equilibrium: slack links no longer hold nodes C" in result.notices
+    assert "no equilibrium: slack links no longer hold node C" in result.notices
     texts = [text.get_text() for text in result.plot().findobj(matplotlib.text.Text)]
     assert {"A", "C", "tie", "stay"} <= set(texts)
 
@@ -156,7 +156,7 @@ def test_errors_of_the_library_are_translated(tmp_path):
         ("nodes 0 and 3 fall together", "nodes A and D fall together"),
         ("nodes 2, 3 and 5 more are not", "nodes C, D and 5 more are not"),
         ("3 subdomains share node 1: the", "3 subdomains share node B: the"),
-        ("link 1 ([3. 4.]), 2 ([3. 4.]) has", "link 1 ([3. 4.]), 2 ([3. 4.]) has"),
+        ("links 1 ([3. 4.]), 2 ([3. 4.]) have", "links 1 ([3. 4.]), 2 ([3. 4.]) have"),
     ):
         assert scene.counted_as_given(said) == expected
 

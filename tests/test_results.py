@@ -268,7 +268,7 @@ def test_no_equilibrium_is_said_in_words():
     with pytest.warns(latinpc.LatinWarning) as caught:
         found = falls.solve()
     assert not found.converged
-    assert any("slack links no longer hold nodes 3" in str(warning.message) for warning in caught)
+    assert any("slack links no longer hold node 3" in str(warning.message) for warning in caught)
 
 
 def test_what_cannot_be_solved_is_one_sentence():

@@ -205,17 +205,17 @@ REFUSED = [
     ({"links": np.ones((3, 3), int)}, r"links must be an \(m, 2\) array"),
     ({"links": np.zeros((0, 2), int)}, r"links must be an \(m, 2\) array"),
     ({"links": LINKS + 0.5}, "links must be integers"),
-    ({"nodes": np.where(NODES > 1, np.nan, NODES)}, r"node 2 .*5 .*not finite"),
+    ({"nodes": np.where(NODES > 1, np.nan, NODES)}, r"nodes 2 .*5 .*not finite"),
     ({"nodes": np.zeros_like(NODES)}, "no length"),
     ({"nodes": np.zeros((6, 4))}, "dim 1, 2 or 3"),
     ({"law": 99}, "unknown law"),
     ({"law": "cabel"}, "unknown law 'cabel': do you mean 'cable'. choose from bar, cable, compression_only"),
     ({"law": ["bar"] * 9 + ["xyz"]}, "unknown law 'xyz': choose from bar, cable, "),
     ({"law": [0, 1]}, r"law must have the shape \(10,\)"),
-    ({"stiffness": 0}, "needs a positive stiffness"),
-    ({"stiffness": -1}, "and 5 more needs a positive stiffness"),
-    ({"stiffness": np.nan}, "needs a positive stiffness"),
-    ({"stiffness": np.inf}, "needs a positive stiffness"),
+    ({"stiffness": 0}, "need a positive stiffness"),
+    ({"stiffness": -1}, "and 5 more need a positive stiffness"),
+    ({"stiffness": np.nan}, "need a positive stiffness"),
+    ({"stiffness": np.inf}, "need a positive stiffness"),
     ({"initial_elongation": np.inf}, "initial elongation that is not finite"),
     ({"fixed": np.ones((5, 2))}, r"fixed must have the shape \(6, 2\)"),
     ({"prescribed": np.full((6, 2), 0.1)}, "not fixed"),
@@ -282,9 +282,26 @@ def test_axial_stiffness_is_divided_by_the_lengths():
     for wrong in ({"EA": 1e3}, {"stiffness": None}):
         with pytest.raises(ValueError, match="give either stiffness, EA / length of each link"):
             frame(**wrong)
-    for wrong, named in ((axial[:-1], "EA must have the shape"), (-axial, "needs a positive EA")):
+    for wrong, named in ((axial[:-1], "EA must have the shape"), (-axial, "need a positive EA")):
         with pytest.raises(ValueError, match=named):
             frame(stiffness=None, EA=wrong)
+
+
+def test_verbs_agree_with_the_links_and_nodes_that_are_named():
+    """One, several, and more than are named."""
+    for bad, words in (
+        ([3], r"^link 3 \(0.\) needs a positive stiffness$"),
+        ([3, 4], r"^links 3 \(0.\), 4 \(0.\) need a positive stiffness$"),
+        (range(8), r"^links 0 \(0.\), .*, 4 \(0.\) and 3 more need a positive stiffness$"),
+    ):
+        stiffness = np.ones(len(LINKS))
+        stiffness[list(bad)] = 0.0
+        with pytest.raises(ValueError, match=words):
+            frame(stiffness=stiffness)
+    with pytest.raises(ValueError, match=r"^nodes 0 .* have a coordinate that is not finite$"):
+        frame(nodes=NODES * np.nan)
+    with pytest.raises(ValueError, match=r"^links 0 .* have no length: their two nodes are at one place"):
+        frame(nodes=NODES * 0.0)
 
 
 def test_rigid_laws_have_no_axial_stiffness():
@@ -294,7 +311,7 @@ def test_rigid_laws_have_no_axial_stiffness():
     rod = latinpc.Structure(**given, EA=[1e7, 1e7, 0])
     assert rod.stiffness.tolist() == [2e7, 2e7, 0]
     assert rod.solve().tensions == pytest.approx([25e3, -5e3, -5e3], rel=1e-3)
-    with pytest.raises(ValueError, match=r"link 0 .*, 1 .*needs a positive EA \(0 where its law has no stiffness\)"):
+    with pytest.raises(ValueError, match=r"links 0 .*, 1 .*need a positive EA \(0 where their law has no stiffness\)"):
         latinpc.Structure(**given, EA=0)
 
 

@@ -34,13 +34,13 @@ SAYS = {
     "notebook": ["newtonls", "indicator"],
 }
 MISTAKES = [
-    "joins a node that does not exist",
+    "join a node that does not exist",
     "load must have the shape (3, 2)",
     "unknown law 'rope'",
     "Nothing is supported",
     "The structure has a mechanism",
     "If its prestress is to hold it",
-    "slack links no longer hold nodes 2",
+    "slack links no longer hold node 2",
     "look at units, stiffnesses and supports",
     "links join the same two nodes by the same law: 1 and 2",
     "do you mean -snes_latin_variant?",

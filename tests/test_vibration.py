@@ -339,7 +339,7 @@ def test_misuse_is_named():
         latinpc.modes(rigid)
     row = latinpc.Structure([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], "bar", 1e3, geometry="large",
                             fixed=[[1, 1], [0, 0], [1, 1]], load=[[0, 0], [1, 0], [0, 0]], mass=1.0)  # fmt: skip
-    with pytest.raises(latinpc.SolveError, match="the state is a mechanism, most at nodes 1"):
+    with pytest.raises(latinpc.SolveError, match="the state is a mechanism, most at node 1"):
         latinpc.modes(row, buckling=True)
     found = latinpc.modes(row, 1)
     with pytest.raises(ValueError, match="take buckling=True"):

@@ -72,9 +72,10 @@ def _connected(links, held, density, axes):
     label = connected(len(held), np.append(a, first), np.append(b, supports))
     lost = np.flatnonzero(label != label[supports[0]]) if supports.size else np.arange(len(held))
     if lost.size:
+        noun, be = ("node", "is") if lost.size == 1 else ("nodes", "are")
         named = ", ".join(map(str, lost[:_NAMED])) + (f" and {lost.size - _NAMED} more" if lost.size > _NAMED else "")
         along = ", ".join("xyz"[axis] for axis in axes)
-        said = "nothing is held" if not held.any() else f"nodes {named} are not connected with a support"
+        said = "nothing is held" if not held.any() else f"{noun} {named} {be} not connected with a support"
         raise ValueError(f"{said} along {along}: fix nodes, or give links between them a force density")
 
 
@@ -211,5 +212,6 @@ def _regular(ksp, D, size, nodes):
     order = nodes[np.argsort(-np.nan_to_num(shape, nan=np.inf), kind="stable")[:_NAMED]]
     raise ValueError(
         "the force densities of struts and cables cancel, and many forms are in equilibrium or none (the matrix is"
-        f" singular): change the densities of struts, or fix nodes, next to nodes {', '.join(map(str, sorted(order)))}"
+        f" singular): change the densities of struts, or fix nodes, next to node{'s' if len(order) > 1 else ''}"
+        f" {', '.join(map(str, sorted(order)))}"
     )

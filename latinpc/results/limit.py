@@ -190,8 +190,8 @@ def slackening(found: Modes, rates: np.ndarray, base: float) -> list[str]:
     if least >= found.values[0]:
         return []
     first = loses[factors - least <= 1e-3 * abs(least - base)]  # by symmetry at once
-    named = found.structure.link_names(first[:NAMED], first.size > NAMED)
+    named = found.structure.some_links(first[:NAMED], first.size > NAMED)
     return [
-        f"the loads slacken links {named} at a factor of about {least:.3g}, below the least one: factors hold while"
+        f"the loads slacken {named} at a factor of about {least:.3g}, below the least one: factors hold while"
         " links that are taut stay so, and the structure may buckle there; solve with growing loads"
     ]

@@ -42,9 +42,9 @@ def loose(result: Result) -> list[str]:
     free = nodes[~np.isin(nodes, structure.links[holds]) if large else _free(structure, holds, nodes)]
     if not (large or margin) or not len(free):
         return []
-    named = structure.node_names(free[:NAMED], len(free) > NAMED)
+    named = structure.some_nodes(free[:NAMED], len(free) > NAMED)
     return [
-        f"links that are slack or yield leave nodes {named} free in some direction: their displacements are one"
+        f"links that are slack or yield leave {named} free in some direction: displacements there are one"
         " solution of many, with the same tensions"
     ]
 

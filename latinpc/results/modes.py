@@ -138,8 +138,8 @@ class Modes:
         kind = "buckling" if self.buckling else "vibration"
         lines = [f"{self.structure.name}: modes of {kind}"]
         for mode in range(len(self)):
-            named = self.structure.node_names(self.movers(mode))
-            lines.append(f"  {mode + 1:>3}  {self.label(mode):<28} most at nodes {named}")
+            named = self.structure.some_nodes(self.movers(mode))
+            lines.append(f"  {mode + 1:>3}  {self.label(mode):<28} most at {named}")
         return "\n".join(lines + [f"  notice: {text}" for text in self.notices])
 
 
@@ -415,9 +415,9 @@ def _mechanisms(found):
     if not loose.size:
         return []
     nodes = sorted({node for mode in loose for node in found.movers(mode)})
-    named = found.structure.node_names(nodes[: 2 * _NAMED], len(nodes) > 2 * _NAMED)
+    named = found.structure.some_nodes(nodes[: 2 * _NAMED], len(nodes) > 2 * _NAMED)
     cure = "" if found.structure.geometry != "linear" else "; prestress holds them with the geometry prestress or large"
-    return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at nodes {named}{cure}"]
+    return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at {named}{cure}"]
 
 
 def _factors(problem, number, load, base):
@@ -488,6 +488,6 @@ def _refuse_unstable(problem):
     found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
     kind = "is a mechanism" if zero.any() else "is not stable"
     raise SolveError(
-        f"no factors: the state {kind}, most at nodes {found.structure.node_names(found.movers(0))}; solve for a stable"
+        f"no factors: the state {kind}, most at {found.structure.some_nodes(found.movers(0))}; solve for a stable"
         " one first"
     )

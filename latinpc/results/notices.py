@@ -111,25 +111,27 @@ def _given_up(snes):
 
 def _no_equilibrium(snes, structure):
     (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
-    named = structure.node_names(nodes, unsupported > len(nodes))
+    named, one = structure.some_nodes(nodes, unsupported > len(nodes)), unsupported == 1
     if structure.geometry == "large":  # where not all of the loads are borne `limit` says so
         ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
         rigid = "lengths of inextensible cables" if (structure.law == Law.INEXTENSIBLE).any() else "gaps of contacts"
         return [f"no equilibrium: the {rigid} are incompatible"] if ends else []
     if jammed:
-        rigid = structure.link_names(links, jammed > len(links))
-        return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
+        rigid = structure.some_links(links, jammed > len(links))
+        return [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
     rubs = (structure.law == Law.FRICTION).any()
     loose = "links that are slack or yield" if (structure.law >= len(Law)).any() else "slack links"
     if unsupported and np.isinf(distance):
         held = "neither links nor friction hold" if rubs else f"{loose} no longer hold"
-        return [f"no equilibrium: {held} nodes {named}"]
+        return [f"no equilibrium: {held} {named}"]
     if unsupported and rubs:
-        text = "they slide or fall, or it has not been found how friction holds them: no theorem says that it is"
-        return [f"contacts that bear do not hold nodes {named}: {text}"]
+        they, them = ("it slides or falls", "it") if one else ("they slide or fall", "them")
+        text = f"{they}, or it has not been found how friction holds {them}: no theorem says that it is"
+        return [f"contacts that bear do not hold {named}: {text}"]
     if unsupported:
-        text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
-        return [f"{loose} do not hold nodes {named} yet: {text}"]
+        its, it = ("its load is", "it") if one else ("their loads are", "them")
+        text = f"{its} small beside the stiffness of the links that stop {it}, or there is no equilibrium"
+        return [f"{loose} do not hold {named} yet: {text}"]
     if rubs:
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []
@@ -254,9 +256,10 @@ def overstretched(structure: Structure) -> list[str]:
     links = np.flatnonzero(acts & (structure.initial_elongation > longest))
     if not len(links):
         return []
-    named = structure.link_names(links[:_NAMED], len(links) > _NAMED)
+    named, one = structure.some_links(links[:_NAMED], len(links) > _NAMED), len(links) == 1
     return [
-        f"initial elongations of links {named} are larger than these are long: a prestress is at most the stiffness,"
+        f"the initial elongation{'' if one else 's'} of {named} {'is' if one else 'are'} larger than"
+        f" {'it is' if one else 'these are'} long: a prestress is at most the stiffness,"
         " EA / length, times the length; if stiffness was given as EA, give it as EA"
     ]
 

@@ -322,10 +322,11 @@ def _causes(ts, snes, structure, mass, repeats):
     loose, nodes = solvers.unsupported_nodes(snes) if snes.getType() == "latin" else (0, [])
     jammed, links = solvers.jammed_links(snes) if snes.getType() == "latin" else (0, [])
     if jammed:
-        text += f"; the gaps of the rigid links {structure.link_names(links, jammed > len(links))} are incompatible"
+        text += f"; the gaps of the rigid {structure.some_links(links, jammed > len(links))} are incompatible"
     elif loose and not mass[nodes].any():
-        named = structure.node_names(nodes, loose > len(nodes))
-        text += f"; links do not hold nodes {named} against the loads, and they have no mass: give them one"
+        named = structure.some_nodes(nodes, loose > len(nodes))
+        its = "it has no mass: give it one" if loose == 1 else "they have no mass: give them one"
+        text += f"; links do not hold {named} against the loads, and {its}"
     elif snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
         least = accuracy.rounding_floor(snes)
         text += f", the requested error is below the rounding error of this step, about {least:.0e}" if least else ""

@@ -57,10 +57,10 @@ PetscErrorCode TSLatinFailed_Private(TS ts, LatinStructure step, SNES snes)
   PetscCall(LatinMasses_Private(step->base, nodes, node, &heavy, &contrast));
   if (jammed) {
     PetscCall(LatinListed_Private(links, jammed, link, sizeof(names), names));
-    PetscCall(PetscSNPrintf(cause, sizeof(cause), "The gaps of the rigid links %s are incompatible: look at the supports that move", names));
+    PetscCall(PetscSNPrintf(cause, sizeof(cause), "The gaps of the rigid link%s %s are incompatible: look at the supports that move", jammed > 1 ? "s" : "", names));
   } else if (loose && !heavy) {
     PetscCall(LatinListed_Private(nodes, loose, node, sizeof(names), names));
-    PetscCall(PetscSNPrintf(cause, sizeof(cause), "Links do not hold nodes %s against the loads, and they have no mass: give them one", names));
+    PetscCall(PetscSNPrintf(cause, sizeof(cause), "Links do not hold node%s %s against the loads, and %s one", loose > 1 ? "s" : "", names, loose > 1 ? "they have no mass: give them" : "it has no mass: give it"));
   } else {
     if (latin && reason == SNES_DIVERGED_INNER) PetscCall(PetscStrlcat(cause, "The requested error is below the rounding error of this step: take a larger one, -snes_latin_error. ", sizeof(cause)));
     if (reason == SNES_DIVERGED_MAX_IT) PetscCall(PetscStrlcat(cause, "The iterations that -snes_max_it allows were not enough. ", sizeof(cause)));
