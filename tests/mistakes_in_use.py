@@ -352,6 +352,7 @@ CASES = {
     "residual_size": (FOREIGN, lambda: square().residual(foreign_vec(), foreign_vec())),
     "step_nan": (r"A time step has the length nan", lambda: step_of(NAN)),
     "step_none": (r"A time step has the length 0", lambda: step_of(0.0)),
+    "step_infinite": (r"A time step has the length .*; it must be positive and finite", lambda: step_of(INFINITE)),
     "step_back": (r"A time step has the length -0.001", lambda: step_of(-1e-3)),
     "step_too_short": (r"length 1e-200; .* finite 1 / h\^2", lambda: step_of(1e-200)),
     "bound_nan": (r"Displacements or loads are not finite|is not-a-number", lambda: bound_of(NAN)),

@@ -14,7 +14,7 @@ from support import irregular, logged, solve
 import latinpc
 from latinpc.options import default_options
 from latinpc.runs.motion import move
-from latinpc.scenes import make
+from latinpc.scenes import Scene, make
 
 EVENTS = ("Direction", "Spectral", "Macro", "Linear", "Condense", "Estimate", "Coarse", "Local")
 COMMAND = Path(sys.executable).parent / "latinpc"
@@ -133,6 +133,17 @@ def test_a_growing_energy_is_told():
     assert any(re.match("the energy has grown from 91.7 J to .* by itself", text) for text in late.notices)
     for options in ({}, {"ts_type": "alpha2", "snes_type": "newtonls", "ts_dt": 1e-4}):
         assert move(saddle, 20, 1e-2, mass=10.0, options=options).notices == []
+
+
+def test_velocities_of_nodes_without_mass_are_told():
+    given = {"name": "thrown", "nodes": [[0.0], [1.0], [2.0], [3.0]], "links": [[0, 1], [1, 2], [2, 3]], "law": "bar"}
+    given |= {"stiffness": 100.0, "fixed": [[1], [0], [0], [0]], "velocity": [[0.0], [3.0], [0.0], [1.0]]}
+    told = "the initial velocity of node 1 moves nothing, as it has no mass: give it one"
+    assert move(Scene(**given, mass=[0.0, 0.0, 1.0, 1.0]), 2, 1e-2).notices == [told]
+    assert (
+        "nodes 1, 3 moves nothing, as they have" in move(Scene(**given, mass=[0.0, 0.0, 1.0, 0.0]), 2, 1e-2).notices[0]
+    )
+    assert move(Scene(**given, mass=[0.0, 1.0, 0.0, 1.0]), 2, 1e-2).notices == []
 
 
 def test_massless_nodes_out_of_balance_are_told():

@@ -98,7 +98,9 @@ def test_move_refuses_what_cannot_move():
         ((grid, 3), "no masses"),
         ((grid, 3, None, None), "no masses"),
         ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--time-step"),
-        ((make("bouncing-chain"), 0), "at least one step"),
+        ((make("bouncing-chain"), 0), "at least one step, not 0: change --num-steps"),
+        ((make("bouncing-chain"), 1, np.inf), "inf s; it must be positive and finite: change --time-step"),
+        ((make("bouncing-chain"), 1, np.nan), "nan s; it must be positive and finite: change --time-step"),
     ):
         with pytest.raises(ValueError, match=words):
             move(*arguments)
@@ -173,6 +175,8 @@ def test_command_refuses(tmp_path):
     for arguments, words in (
         (["lattice", "--num-steps", 3], "no masses"),
         (["lattice", "--num-steps", 3, "--node-mass", 1], "--time-step"),
+        (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", "inf"], "change --time-step"),
+        (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", 1, STEP, "inf"], "change -ts_dt"),
         (["impact-tower"], "--num-steps"),
         (["lattice", "--time-step", 1e-3], "--num-steps"),
         (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),

@@ -114,8 +114,9 @@ def move(
     step = scene.time_step if step is None else step
     if step is None:
         raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --time-step")
-    if steps < 1 or not 0.0 < step < np.inf:
-        raise ValueError(f"a motion needs at least one step of positive length, not {steps} of {step} s")
+    if steps < 1:
+        raise ValueError(f"a motion needs at least one step, not {steps}: change --num-steps")
+    _check_length(step, "--time-step")
     every = max(-(-steps // FRAMES), 1) if every is None else every
     structure = Structure.from_scene(scene, comm)
     keeper = keeper or Keeper(structure.comm.tompi4py())
@@ -138,6 +139,7 @@ def move(
             ts.setMaxSteps(steps)
             ts.setErrorIfStepFails(False)
             ts.setFromOptions()
+            _check_length(ts.getTimeStep(), "-ts_dt")
             if acting is not None:
                 ts.setPreStep(acting.before_step)
             recorder = _Recorder(scene, structure, ts, steps, every, each_step, keeper, acting)
@@ -146,6 +148,12 @@ def move(
             return motion
         finally:
             ts.destroy()
+
+
+def _check_length(step, option):
+    """Refuse a length of a step (s) that is none."""
+    if not 0.0 < step < np.inf:
+        raise ValueError(f"a time step has the length {step} s; it must be positive and finite: change {option}")
 
 
 def _balance(structure, u):
@@ -236,7 +244,7 @@ def _move(recorder, step, from_equilibrium):
     recorder.past |= kept
     notices = unknown_options()
     if not done:
-        notices += _massless(structure, ts)
+        notices += _thrown(scene) + _massless(structure, ts)
         recorder.record(0)
     recorder.seconds = 0.0
     comm.barrier()
@@ -290,6 +298,18 @@ def _grown(ts, report):
         return []
     cure = "take shorter steps" + ("" if ts.getType() == "latin" else ", or -ts_type latin, which does not let it")
     return [f"the energy has grown from {quantity(energy[0], 'J')} to {quantity(energy.max(), 'J')} by itself: {cure}"]
+
+
+def _thrown(scene):
+    """Return a sentence on nodes that start with a velocity and have no mass to keep it."""
+    if scene.velocity is None:
+        return []
+    nodes = np.flatnonzero(scene.velocity.any(axis=1) & (scene.mass == 0.0))
+    if not len(nodes):
+        return []
+    named = scene.some_nodes(nodes[:NAMED], len(nodes) > NAMED)
+    it = "it has no mass: give it" if len(nodes) == 1 else "they have no mass: give them"
+    return [f"the initial velocity of {named} moves nothing, as {it} one"]
 
 
 def _massless(structure, ts):

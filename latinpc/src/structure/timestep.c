@@ -238,8 +238,8 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
 
   PetscFunctionBegin;
   PetscCall(LatinStepCheck_Private(base));
-  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE, "A time step has the length %g; it must be positive, with a finite 1 / h^2: set another one with -ts_dt",
-             (double)h);
+  PetscCheck(h > 0.0 && h * h > 0.0 && 1.0 / (h * h) > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
+             "A time step has the length %g; it must be positive and finite, with a finite 1 / h^2: set another one with -ts_dt or TSSetTimeStep()", (double)h);
   PetscCall(LatinStepLength_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
