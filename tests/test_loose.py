@@ -39,6 +39,22 @@ def test_a_node_between_slack_links_is_named(laws, e0):
     assert found.tensions == pytest.approx([0.0, 0.0, -1e-3], abs=1e-8)
 
 
+@pytest.mark.parametrize("laws", [[Law.CABLE, Law.CABLE, Law.BAR], [Law.CONTACT, Law.CABLE, Law.BAR]])
+def test_cases_name_loose_nodes_as_a_solve_does(laws):
+    """Alike cases in one sentence; side by side, or one after the other with a rigid law."""
+    gap = -0.5 if laws[0] == Law.CABLE else 0.5
+    structure = line(laws, [10.0 if law != Law.CONTACT else 0.0 for law in laws], [gap, -0.5, 0.0], 0.0)
+    loads = {"still": 0.0, "pull": 6.0 if laws[0] == Law.CABLE else -6.0}
+    cases = [latinpc.Case(name, load=[[0.0], [load], [0.0], [0.0]]) for name, load in loads.items()]
+    (alone,) = structure.solve().notices
+    for more, names in (([], "case still"), ([cases[0].named("again")], "cases still, again")):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            found = latinpc.solve_cases(structure, [*cases, *more])
+        assert found.converged and [text for text in found.notices if "slack or yield" in text] == [f"{names}: {alone}"]
+        assert [str(warning.message) for warning in caught] == found.notices
+
+
 def test_a_node_that_a_taut_link_or_a_load_holds_is_not_named():
     assert not named(line([Law.CABLE, Law.CABLE, Law.BAR], 10.0, [-0.5, -0.5, 0.0], 6.0).solve())
     assert not named(line([Law.BAR, Law.CABLE, Law.BAR], 10.0, [0.0, -0.5, 0.0], 0.0).solve())

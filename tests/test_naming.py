@@ -207,3 +207,10 @@ def test_nodes_of_gmsh_go_by_their_tags(tmp_path):
     scene = latinpc.read(tmp_path / "bars.msh", support=["x=min"])
     assert [scene.node_name(node) for node in range(3)] == ["3", "7", "12"]
     assert [scene.link_name(link) for link in range(2)] == ["3-7", "7-12"]
+
+
+def test_load_cases_have_names_of_their_own(tmp_path):
+    """Tables could not tell them apart."""
+    scene = latinpc.read(tables(tmp_path, 1e3))
+    with pytest.raises(ValueError, match=r"load cases have the same name, a, c: tell them apart with Case.named\(\)"):
+        latinpc.solve_cases(scene, [latinpc.Case(name) for name in "cabac"])

@@ -21,6 +21,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
 from latinpc.results.limit import bearing, borne, moving, softest
+from latinpc.results.loose import loose
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import (
     ConvergenceWarning,
@@ -242,6 +243,10 @@ def solve_cases(
         if not isinstance(case, Case):
             raise TypeError(f"a load case is a latinpc.Case, such as Case('snow', load=...), not {case!r:.40}")
         case.check(scene)
+    names = [case.name for case in cases]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"load cases have the same name, {', '.join(twice)}: tell them apart with Case.named()")
     structure = Structure.from_scene(scene, comm)
     settings = given_options(options)
     if subdomains is not None:
@@ -263,10 +268,9 @@ def solve_cases(
         finally:
             series.snes.destroy()
     notices += series.notices
-    names = [case.name for case in cases]
     found = series.displacements, series.tensions, series.slack
     result = Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
-    notices += _farthest(result)
+    notices += _farthest(result) + _loose(result)
     for notice in notices:
         warn(structure.comm, notice)
     if not result.converged:
@@ -285,9 +289,23 @@ def _farthest(cases):
     if not good.size:
         return []
     number = max(good, key=lambda case: cases.report["cases"][case]["displacement"])
-    scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
-    found = Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
+    found = _alone(cases, number)
     return [f"case {cases.names[number]}: {text}" for text in turned(found) or changed(found)]
+
+
+def _loose(cases):
+    """Return what a solve by itself says of nodes that slack or yielding links leave free, once for alike cases."""
+    said = {}
+    for number in np.flatnonzero(cases._good):
+        for notice in loose(_alone(cases, number)):
+            said.setdefault(notice, []).append(cases.names[number])
+    return [f"case{'s' if len(names) > 1 else ''} {', '.join(names)}: {notice}" for notice, names in said.items()]
+
+
+def _alone(cases, number):
+    """Return the result of a case that has converged, as a solve by itself gives it."""
+    scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
+    return Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
 
 
 class _Series:

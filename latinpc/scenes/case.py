@@ -26,7 +26,7 @@ class Case:
     Parameters
     ----------
     name : str
-        For tables and messages.
+        For tables and messages; cases that are solved together have names of their own.
     load : (n, dim) array of float, optional
         Nodal forces (N).
     prescribed : (n, dim) array of float, optional
