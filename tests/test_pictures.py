@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from PIL import Image
 from test_cli import latinpc as command
@@ -18,7 +18,7 @@ from latinpc.bench import paper_figures
 from latinpc.results import pictures, symbols
 from latinpc.results.drawing import STAMP_COLOUR, SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
-from latinpc.results.look import Scale
+from latinpc.results.look import SLACK_COLOUR, Scale
 from latinpc.results.mechanism import free_motion
 from latinpc.results.units import counted, number, quantity, scaled, share
 from latinpc.scenes import make
@@ -209,6 +209,27 @@ def test_one_scale_for_tension_and_compression():
     assert not np.allclose(low, alone) and np.allclose(half, alone)
     assert full[2] > full[0] and half[0] > half[2]  # cool, warm
     assert scale.map().N == 512 and np.allclose(scale.map()(1.0), full) and scale.low == -10.0
+
+
+def test_an_envelope_shows_the_tension_of_cables_that_are_slack_in_another_case():
+    """Two cables of which one is slack in each case, a bar, and a cable that is too long in both."""
+    row = latinpc.Structure(
+        [[0.0], [1.0], [2.0]], [[0, 1], [1, 2], [0, 1], [1, 2]], ["cable", "cable", "bar", "cable"], 1e6,
+        fixed=[[1], [0], [1]], initial_elongation=[0.0, 0.0, 0.0, -1.0],
+    )  # fmt: skip
+    cases = [latinpc.Case(name, load=[[0.0], [load], [0.0]]) for name, load in (("right", 1e3), ("left", -2e3))]
+    found = latinpc.solve_cases(row, cases)
+    assert found.slack.T.tolist() == [[False, True], [True, False], [False, False], [True, True]]
+    figure = found.plot()
+    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert {"slack in all cases (1)", "slack in some case (2)"} < set(texts)
+    lines = next(one for one in figure.axes[0].collections if isinstance(one, LineCollection))
+    colours, scale = lines.get_colors(), Scale(*found.envelope()[:2])
+    assert np.allclose(colours[:3], scale.colours(found.tensions.max(axis=0)[:3]))
+    assert np.allclose(colours[3], to_rgba(SLACK_COLOUR))
+    assert [pattern is not None for _, pattern in lines.get_linestyle()] == [True, True, False, False]
+    one = latinpc.solve_cases(row, cases[:1]).plot()
+    assert "slack in some" not in str([text.get_text() for legend in one.legends for text in legend.get_texts()])
 
 
 def test_a_structure_is_drawn_as_given_with_numbers():

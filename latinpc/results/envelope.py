@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
 
 from latinpc.laws import UNILATERAL
 
@@ -19,7 +20,7 @@ from .drawing import (
     save,
     symbol_keys,
 )
-from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
+from .look import DASHES, IDLE_COLOUR, MANY_LINKS, SLACK_COLOUR, Scale, widths_of
 from .pictures import drawn_links
 from .symbols import supports
 from .tables import AXES, link_columns, node_columns, table, write_csv
@@ -78,7 +79,8 @@ def draw_envelope(cases, path):
 def envelope_figure(cases):
     """Draw the structure twice: the greatest tension of each link, and its greatest compression, on one scale.
 
-    Cables that are slack in a case, and links in compression that are open, stand out.
+    Cables and links in compression that are slack in all cases have a colour of their own, where they would have none
+    of a force; those that are slack in some case are dashed, in the colour of what they bear in the others.
 
     Parameters
     ----------
@@ -90,13 +92,16 @@ def envelope_figure(cases):
     """
     scene, seen = cases.scene, drawn_links(cases.scene)
     lowest, highest, *_ = cases.envelope()
-    loose = (cases.slack_cases() > 0) & np.isin(scene.law, UNILATERAL)
+    often, good = cases.slack_cases() * np.isin(scene.law, UNILATERAL), len(cases.names) - len(_bad(cases))
+    always, sometimes = (often == good) & (often > 0), (often > 0) & (often < good)
     points, ends = plane_points(scene.nodes), scene.links[seen]
     stands = supports(scene.fixed, points, ends)
     figure, widths = new_figure(14.0, 6.2), widths_of(scene.law[seen])
     scale = Scale(lowest[seen], highest[seen])  # one for both halves
     extent = np.vstack([points, *(one.triangles.reshape(-1, points.shape[1]) for one in stands)])
     pull, push = np.maximum(highest[seen], 0.0), np.minimum(lowest[seen], 0.0)
+    dashed = len(ends) <= MANY_LINKS
+    styles = [DASHES if dashed and free else (0, None) for free in sometimes[seen]]
     for left, title, force in ((0.0, "Greatest tension", pull), (0.46, "Greatest compression", push)):
         rectangle = [left, 0.0, 0.44, 0.88] if points.shape[1] == 3 else [left + 0.05, 0.1, 0.37, 0.74]
         axes = axes_for(figure, rectangle, extent)
@@ -104,24 +109,39 @@ def envelope_figure(cases):
         colours = scale.colours(force)
         colours[force == 0.0] = to_rgba(IDLE_COLOUR)
         if title.endswith("tension"):
-            colours[loose[seen]] = to_rgba(SLACK_COLOUR)
-        draw_links(axes, points[ends], colours, widths)
+            colours[always[seen]] = to_rgba(SLACK_COLOUR)
+        draw_links(axes, points[ends], colours, widths, styles)
         draw_symbols(axes, stands)
         figure.text(left + 0.22, 0.875, title, fontsize=11, ha="center")
     force_bar(figure, [0.935, 0.30, 0.01, 0.54], scale)
     figure.legend(handles=symbol_keys(stands), loc="lower right", fontsize=9, frameon=False)
-    _titles(figure, cases, loose)
+    keys = _slack_keys(np.count_nonzero(always), np.count_nonzero(sometimes), dashed)
+    if keys:
+        figure.legend(handles=keys, loc="upper right", ncols=len(keys), fontsize=9, frameon=False)
+    _titles(figure, cases, good)
     return figure
 
 
-def _titles(figure, cases, loose):
-    """Write the name of the scene, and how many links slacken."""
-    good = sum(case["converged"] for case in cases.report["cases"])
+def _slack_keys(always, sometimes, dashed):
+    """Return the keys of a legend for links that are slack in all cases, and in some, as many as there are."""
+    found = []
+    if always:
+        found.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, label=f"slack in all cases ({always:,})"))
+    if sometimes:
+        style = {"color": "#555555", "linewidth": 1.6, "linestyle": DASHES if dashed else "none"}
+        found.append(Line2D([], [], label=f"slack in some case ({sometimes:,})", **style))
+    return found
+
+
+def _bad(cases):
+    """Return the names of the cases that have not converged."""
+    return [case["name"] for case in cases.report["cases"] if not case["converged"]]
+
+
+def _titles(figure, cases, good):
+    """Write the name of the scene, and how many cases it is the envelope of."""
     title = f"{cases.scene.name}: envelope of {counted(good, 'load case')}"
     figure.text(0.02, 0.945, title, fontsize=14, weight="bold")
-    if good < len(cases.names):
-        bad = [case["name"] for case in cases.report["cases"] if not case["converged"]]
+    bad = _bad(cases)
+    if bad:
         figure.text(0.02, 0.905, f"not converged, left out: {', '.join(bad)}", fontsize=10, color=STAMP_COLOUR)
-    if loose.any():
-        text = f"{np.count_nonzero(loose):,} links slack in some case"
-        figure.text(0.98, 0.948, text, fontsize=10, ha="right", color=SLACK_COLOUR)
