@@ -301,7 +301,10 @@ CASES = {
         lambda: solve(square(), snes_latin_error=1e-3, snes_latin_stop="residual"),
     ),
     "warm_start": (r"hot.*none last extrapolate", lambda: solve(square(), snes_latin_warm_start="hot")),
-    "no_reference": (r"SNESLatinSetReference\(\)", lambda: solve(square(), snes_latin_stop="reference")),
+    "no_reference": (
+        r"SNESLatinSetReference\(\) \(in Python, latinpc.set_reference\(snes, u\); on the",
+        lambda: solve(square(), snes_latin_stop="reference"),
+    ),
     "must_converge": (
         r"has not converged|DIVERGED",
         lambda: solve(grid(), snes_max_it=2, snes_error_if_not_converged=1),
@@ -311,7 +314,10 @@ CASES = {
         r"-snes_type latin has no structure .*attach\(snes\)",
         lambda: bare(PETSc.SNES, "latin").solve(None, foreign_vec()),
     ),
-    "pc_alone": (r"-pc_type latin has no structure .*LatinStructureAttachPC\(\)", pc_on_foreign_matrix),
+    "pc_alone": (
+        r"-pc_type latin has no structure .*LatinStructureAttachPC\(\) \(in Python, .*attach\(\)\)",
+        pc_on_foreign_matrix,
+    ),
     "pc_dead": (r"-pc_type latin has no structure", pc_on_dead_structure),
     "pc_early": (r"-pc_type latin has no matrix yet: .* call SNESComputeJacobian\(\)", lambda: early("cg", "latin")),
     "ksp_early": (r"-ksp_type latin has no matrix yet: .* and KSPSetOperators\(\)", lambda: early("latin", "none")),

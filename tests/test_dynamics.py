@@ -410,5 +410,11 @@ def test_misuse_is_told_with_its_cure():
     ts.setTimeStep(1.0)
     ts.setMaxSteps(1)
     assert "LatinStructureAttachTS" in message(ts.solve, structure.create_vec())
+    mass = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    ts = PETSc.TS().create(PETSc.COMM_SELF)
+    mass.attach(ts)
+    for kind, cure in (("latin", "in Python, latinpc.Structure(...).create_ts()"), ("alpha2", "Structure.tensions(u)")):
+        ts.setType(kind)
+        assert cure in message(latinpc.step_tensions, ts)
     with motion(scene, 1e-2) as it:
         assert (it.tensions == it.structure.tensions(it.vec_u)).all()  # those at the start

@@ -81,7 +81,7 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
   PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
   PetscCheck(
     structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
-    "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()). Or assemble it as a MATIS (-dm_mat_type is, MatCreateIS()): this matrix, of type %s, no longer has the matrices of its subdomains",
+    "-%s_type latin has no structure to work on: call LatinStructureAttach%s() (in Python, latinpc.Structure(...).attach()), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()). Or assemble it as a MATIS (-dm_mat_type is, MatCreateIS()): this matrix, of type %s, no longer has the matrices of its subdomains",
     solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name, ((PetscObject)pc->pmat)->type_name);
   if (structure) {
     PetscCall(LatinStructureCheckLinear_Private(structure, "PC latin and KSP latin are for"));

@@ -73,7 +73,8 @@ static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
 
   PetscFunctionBegin;
   PetscCheck(largest <= (PetscReal)PETSC_MPI_INT_MAX, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition(), or take several ranks and a PETSc with PT-Scotch or ParMETIS", structure->links_global);
+             "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition() (in Python, latinpc.Structure(..., subdomain=...)), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
+             structure->links_global);
   PetscFunctionReturn(0);
 }
 

@@ -64,7 +64,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   PetscCall(SNESLatinCheck_Private(snes));
   data = (SNES_Latin *)snes->data;
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
-  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The SNES has no structure: give it one with LatinStructureAttachSNES()");
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The SNES has no structure: give it one with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   PetscCall(SNESLatinCasesSuit_Private(snes, structure, &suit));
   for (PetscInt i = 0; i < n; i++) stages[i] = -1;
   if (!suit) PetscFunctionReturn(0);

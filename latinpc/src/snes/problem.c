@@ -94,7 +94,8 @@ PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
   PetscInt    n, m;
 
   PetscFunctionBegin;
-  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs reference displacements: call SNESLatinSetReference()");
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
+             "-snes_latin_stop reference needs reference displacements: call SNESLatinSetReference() (in Python, latinpc.set_reference(snes, u); on the command line, --reference)");
   if (!data->reference) PetscFunctionReturn(0);
   PetscCall(VecGetSize(data->reference, &n));
   PetscCall(VecGetSize(latin->sub.structure->load, &m));

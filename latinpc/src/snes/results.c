@@ -212,7 +212,7 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
-  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   PetscCheck(u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no solution yet: call SNESSolve() first");
   PetscCall(LatinSolverTensions_Private(snes, structure, u, tension));
   PetscFunctionReturn(0);

@@ -188,7 +188,7 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
     state->u    = u;
     PetscCheck(u, comm, PETSC_ERR_ARG_NULL, "The state of a SNES goes with its solution: give the vector");
     PetscCall(SNESLatinFindStructure_Private(state->snes, &state->structure));
-    PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
+    PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   }
   PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
   PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));

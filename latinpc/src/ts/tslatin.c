@@ -303,9 +303,9 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
   PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
-  PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements");
+  PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements (in Python, latinpc.Structure.tensions(u))");
   PetscCall(TSLatinFind_Private(ts, &snes));
-  PetscCheck(data->step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() first");
+  PetscCheck(data->step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() first (in Python, latinpc.Structure(...).create_ts())");
   if (data->started) PetscCall(LatinSolverTensions_Private(snes, data->step, data->w, tension));
   else LatinWatch(PetscObjectComm((PetscObject)ts), LatinStructureTensions_Private(data->step->base, NULL, ts->vec_sol, tension));
   PetscFunctionReturn(0);
