@@ -10,7 +10,7 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
 
     [laws.chords]                        # group of lines
     law = "bar"                          # bar | cable | compression_only | inextensible | contact | friction | table
-    EA = 2.1e8                           # N, stiffness EA / length;  or: stiffness = 1e7 (N/m)
+    EA = 2.1e8                           # N, stiffness EA / length as drawn;  or: stiffness = 1e7 (N/m)
     area = 1e-3                          # m2, optional: results have stresses
     strength = 235e6                     # Pa, optional, with area: results have utilisations
 
