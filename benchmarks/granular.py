@@ -2,6 +2,7 @@
 
 python benchmarks/granular.py                  writes results/granular.json and the first two tables of granular.md
 python benchmarks/granular.py chains           the default stop: with and without Newton's method
+python benchmarks/granular.py moving           grains in motion: stages and milliseconds of a step
 python benchmarks/granular.py large            a net of 1e5 cables and packings of 1e5 contacts: five minutes
 python benchmarks/granular.py subdomains helps
 """
@@ -10,14 +11,18 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 import run
+from petsc4py import PETSc
 
+from latinpc import Structure
 from latinpc.laws import RIGID, UNILATERAL
+from latinpc.options import default_options
 from latinpc.runs.solve import solve
 from latinpc.scenes import make
 
@@ -57,6 +62,8 @@ HELP = {
     "search parameter x 2": 2.0,
     "search parameter x 4": 4.0,
 }
+#: Most grains of a motion
+MOVING = 5000
 #: Scenes at the default stop
 CHAINS = {
     f"{kind}, {side} a side": ("packing", {"side": side, **options})
@@ -156,6 +163,45 @@ def chains():
     return found
 
 
+def moving():
+    """Grains of unit mass that random velocities shake: 40 steps of 10 ms, with those that have failed."""
+    found = {}
+    with default_options({"ts_type": "latin", "snes_type": "latin"}):
+        for name, (scene, options) in CHAINS.items():
+            made = make(scene, **options)
+            if scene != "packing" or len(made.nodes) > MOVING:
+                continue
+            velocity = np.where(made.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, made.nodes.shape))
+            structure = Structure.from_scene(replace(made, mass=np.ones(len(made.nodes)), velocity=velocity))
+            found[name] = {"contacts": int(np.isin(made.law, UNILATERAL).sum())} | steps(structure, velocity)
+            print(name, *found[name].values(), flush=True)
+    return found
+
+
+def steps(structure, velocity, count=40, length=0.01):
+    """Make steps until one fails: their number, the median and the most stages, and milliseconds of a step."""
+    u, v = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(velocity, v)
+    ts = structure.create_ts(u, v)
+    ts.setTimeStep(length)
+    ts.setMaxSteps(count)
+    ts.setFromOptions()
+    stages, start = [], time.process_time()
+    for _ in range(count):
+        try:
+            ts.step()
+        except PETSc.Error:
+            break
+        stages.append(ts.getSNES().getIterationNumber())
+    spent = 1e3 * (time.process_time() - start) / max(len(stages), 1)
+    return {
+        "steps": len(stages),
+        "stages, median": int(np.median(stages)),
+        "most": max(stages),
+        "ms a step": round(spent),
+    }
+
+
 def one_large(name):
     """Solve one of the large structures: what is shown of it, with the processor's time of set-up and solve."""
     scene, options = LARGE[name]
@@ -205,7 +251,12 @@ def write(found):
     blocks = {"subdomains": [line for name, rows in found["subdomains"].items() for line in (*lines(name, rows), "")]}
     blocks |= {
         key: list(lines(title, found[key]))
-        for key, title in (("helps", "change"), ("chains", "structure"), ("large", "structure"))
+        for key, title in (
+            ("helps", "change"),
+            ("chains", "structure"),
+            ("moving", "structure"),
+            ("large", "structure"),
+        )
         if key in found
     }
     for key, block in blocks.items():
@@ -222,7 +273,7 @@ def main():
         return
     path = run.RESULTS / "granular.json"
     found = json.loads(path.read_text()) if path.exists() else {}
-    parts = {"subdomains": subdomains, "helps": helps, "chains": chains, "large": large}
+    parts = {"subdomains": subdomains, "helps": helps, "chains": chains, "moving": moving, "large": large}
     for name in sys.argv[1:] or ("subdomains", "helps"):
         found[name] = parts[name]()
         path.write_text(json.dumps(found, indent=1) + "\n")
