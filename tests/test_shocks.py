@@ -333,13 +333,14 @@ def test_steps_of_grains_at_rest_take_few_stages(law):
 )
 def test_chains_of_contacts_in_motion(options, h):
     """Where contacts open and close in chains the interior-point method finds the step; it took thousands of stages."""
-    scene = grains(**options)
+    scene, stages = grains(**options), []
     with motion(scene, h) as it:
         for _ in range(20):
             u, v = it.u, it.v
             it.step()
-            assert it.iterations < 400
+            stages.append(it.iterations)
             assert max(step_errors(scene, h, u, v, it.u, it.v, it.tensions).values()) < 1e-3
+    assert np.median(stages) < 200
 
 
 def test_grains_with_friction_come_to_rest():
