@@ -233,6 +233,35 @@ def test_ranks_without_nodes_or_links(mpirun, tmp_path):
     mpirun(3, EMPTY.replace("{path}", str(tmp_path / "chain.pvtu")))
 
 
+WARM = """
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+from latinpc.options import default_options
+own = slice(0, 0 if PETSc.COMM_WORLD.rank else None)  # all links on rank 0
+cut = latinpc.LocalStructure(
+    np.array([[0.0, 0.0], [2.0, 0.0], [1.0, -0.5], [1.0, -1.0]])[own], np.array([[0, 2], [1, 2], [3, 2]])[own],
+    ["bar", "bar", "contact"][own], np.array([1.0, 2.0, 0.0])[own],
+    fixed=np.array([[1, 1], [1, 1], [0, 0], [1, 1]])[own], load=np.array([[0, 0], [0, 0], [0.1, -1.0], [0, 0]])[own],
+)
+with default_options({"snes_latin_warm_start": "last", "snes_latin_error": 1e-8, "snes_latin_subdomains": 3}):
+    snes, u = cut.create_snes(), cut.create_vec()
+    snes.setFromOptions()
+for _ in range(2):
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0 and snes.getLinearSolveIterations() > 0  # Newton's method has ended it
+    known = np.array([1 / 720**0.5, -2 / 720**0.5, -61 / 60])[own]
+    np.testing.assert_allclose(latinpc.tensions(snes), known, rtol=1e-6)
+"""
+
+
+def test_a_warm_start_with_a_rank_without_links(mpirun):
+    """The rank did not take part in the exchange of the tensions of rigid links: the others waited for it forever."""
+    mpirun(2, WARM, timeout=60)
+
+
 def test_a_part_is_not_drawn_and_scenes_that_are_whole_are_named():
     """What needs the whole says so."""
     scene = chain()

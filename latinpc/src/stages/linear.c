@@ -193,7 +193,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(PetscCalloc1(sub->unassigned_count, &linear->unassigned_u));
   if (sub->structure && sub->structure->rigid_law >= 0 && !sub->tangent) {
     PetscCall(PetscCalloc1(sub->nonsmooth, &linear->tension));
-    PetscCall(PetscCalloc1(sub->structure->links_local, &linear->rigid_tension));
+    PetscCall(PetscCalloc1(sub->structure->links_local + 1, &linear->rigid_tension)); /* + 1: NULL means that no link is rigid, on any rank */
   }
   if (sub->part) PetscCall(PetscCalloc1(sub->links + 1, &linear->strain)); /* + 1: never NULL */
   PetscCall(LatinLinearWork_Private(linear));
