@@ -343,6 +343,34 @@ def test_chains_of_contacts_in_motion(options, h):
     assert np.median(stages) < 200
 
 
+def test_light_balls_move_beside_heavy_grains_at_rest():
+    """Rounding of great tensions at rest is no proof of what moves beside them: a row of balls, tied to each other."""
+    packing, row = make("packing", law="contact", side=20), np.arange(6)
+    n = len(packing.nodes)
+    speed = 1e-5 * np.random.default_rng(1).normal(size=(6, 2))
+    ties = np.tile(np.column_stack([row[:-1], row[1:]]), (2, 1))
+    along = np.tile([1.0, 0.0], (10, 1))
+    scene = replace(
+        packing,
+        nodes=np.vstack([packing.nodes, np.column_stack([row, 0 * row - 50.0])]),
+        links=np.vstack([packing.links, n + ties]),
+        law=np.append(packing.law, np.repeat([Law.INEXTENSIBLE, Law.CONTACT], 5)),
+        stiffness=np.append(1e3 * packing.stiffness, np.zeros(10)),
+        initial_elongation=np.append(packing.initial_elongation, np.zeros(10)),
+        direction=np.vstack([packing.directions, along]),
+        fixed=np.vstack([packing.fixed, np.zeros((6, 2), bool)]),
+        prescribed=np.vstack([packing.prescribed, np.zeros((6, 2))]),
+        load=np.vstack([1e3 * packing.load, np.zeros((6, 2))]),
+        subdomain=np.zeros(len(packing.links) + 10, int),
+        mass=np.append(np.ones(n), np.full(6, 1e-6)),
+        velocity=np.vstack([np.zeros((n, 2)), speed]),
+    )
+    with motion(scene, 0.01) as it:
+        for _ in range(4):
+            it.step()
+            assert np.allclose(it.v[n:, 0], speed[:, 0].mean(), rtol=0, atol=1e-3 * np.abs(speed).max())
+
+
 def test_grains_with_friction_come_to_rest():
     """Displacements of a step at rest are rounding, no part of which is an error: such steps were refused."""
     scene = make("packing", law="friction", side=6)
