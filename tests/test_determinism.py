@@ -27,6 +27,7 @@ CASES = {
     "network": (network, {"variant": "macro", "stop": "error"}),
     "newton": (irregular, {"stop": "error"}),
     "rigid": (lambda: make("net", side=8), {}),
+    "friction": (lambda: make("packing", law="friction", side=24), {}),
 }
 world = PETSc.COMM_WORLD.tompi4py()
 order = random.Random(world.rank)  # ranks are late in another order each time
@@ -50,7 +51,7 @@ def bits(scene, options):
 
 found = {}
 for name, (scene, options) in CASES.items():
-    options = options | ({"coarse_pc_type": "redundant"} if world.size > 1 else {})
+    options = options | (dict.fromkeys(("coarse_pc_type", "friction_pc_type"), "redundant") if world.size > 1 else {})
     found[name] = len({bits(scene(), options) for _ in range(int(sys.argv[2]))})
 if world.rank == 0:
     print(json.dumps(found))

@@ -51,7 +51,8 @@ class Keeper:
         """PETSc options for a restart that continues bit by bit; those of the user come first."""
         if self._comm.size == 1 or (self._path is None and self._restart is None):
             return {}
-        return {f"snes_latin_{part}coarse_pc_type": "redundant" for part in ("", "newton_pc_latin_")}
+        parts = ("coarse", "newton_pc_latin_coarse", "friction")
+        return {f"snes_latin_{part}_pc_type": "redundant" for part in parts}
 
     @property
     def restarts(self):
