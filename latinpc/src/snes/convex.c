@@ -5,7 +5,7 @@
    step. The energy is convex, and the interior-point method of error/primaldual.c takes 15 to 60 steps for 1,000 to 80,000 contacts. At its end the taut
    and closed links are known: one or two steps of Newton's method follow, which prove the errors.
 
-   The search for a collapse comes first: it shows that the loads are borne, else this would not end.
+   In statics the search for a collapse comes first: it shows that the loads are borne, else this would not end. In time steps masses bear them.
 */
 
 #define LATIN_CONVEX_STEPS          100                           /* most steps */
