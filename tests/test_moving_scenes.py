@@ -176,7 +176,7 @@ def test_command_refuses(tmp_path):
         (["lattice", "--num-steps", 3], "no masses"),
         (["lattice", "--num-steps", 3, "--node-mass", 1], "--time-step"),
         (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", "inf"], "change --time-step"),
-        (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", 1, STEP, "inf"], "change -ts_dt"),
+        (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", 1, STEP, "inf"], "inf"),
         (["impact-tower"], "--num-steps"),
         (["lattice", "--time-step", 1e-3], "--num-steps"),
         (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),
