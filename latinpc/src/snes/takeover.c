@@ -180,8 +180,8 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
-  if (done && data->warm && LatinNextConverged(data->next) && !data->found.at_rest && !elastic)
-    PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z)); /* the next solve starts from here, but not in the rounding of heavy parts at rest, which would hide light ones that move */
+  /* the next solve starts from the solution, but not where rounding hides what is left: light parts that move beside heavy ones at rest, a truss in flight */
+  if (done && data->warm && LatinNextConverged(data->next) && !data->found.at_rest && !elastic) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
