@@ -248,6 +248,21 @@ def test_operators_stay():
         assert it.ts.getSNES().getIterationNumber() < 45
 
 
+@pytest.mark.parametrize(("h", "most"), [(0.05, 110), (0.2, 220)])
+def test_operators_made_anew_are_those_of_the_step(h, most):
+    """Cables slacken and tighten within a step: with the tangents of links at its middle 650 and 4,100 stages."""
+    scene = make("saddle", side=30)
+    structure = latinpc.Structure.from_scene(replace(scene, mass=np.full(len(scene.nodes), 10.0)))
+    ts = structure.create_ts()
+    ts.setTimeStep(h)
+    ts.setMaxSteps(100)
+    ts.setFromOptions()
+    for _ in range(8):
+        ts.step()
+        assert ts.getSNES().getIterationNumber() < most
+    ts.destroy()
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_ranks_change_nothing(mpirun, ranks):
     """The same motion on any number of ranks."""

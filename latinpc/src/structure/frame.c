@@ -1,4 +1,5 @@
 #include "structure/structureimpl.h"
+#include "structure/turned.h"
 #include "structure/turning.h"
 
 /*
@@ -12,7 +13,8 @@
 
    The search direction belongs to a configuration u, at first as drawn. A taut link has its tangent: k of its law and c = tau / R;
    before the loads act, c is larger, since tensions grow with the displacements. A slack cable has no stiffness, and while it slackens or
-   tightens any between zero and k: it gets LATIN_FRAME_SLACK times the mean c of the taut links, whose displacements it must follow.
+   tightens any between zero and k: it gets LATIN_FRAME_SLACK times the mean c of the taut links, whose displacements it must follow. In a
+   time step the tangent is that of the mean force (structure/midpoint.h), of a cable that slackens in the step as well.
    The figures below are from saddles with tensions of 1e-4 to 1e-2 of the stiffness.
 
    An inextensible cable is a cable in the frame, with a penalty stiffness p and a strain larger by lambda / p: its tension is max(0, lambda + p x)
@@ -102,26 +104,27 @@ static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrame
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
 
   *k = PetscMax(link->k, least);
-  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(frame->turns->slope ? PETSC_MAX_REAL : *k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
+  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(frame->turns->slope || frame->turns->midpoint ? PETSC_MAX_REAL : *k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
 }
 
 /* The search direction (k, c) of link l */
 static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFrameLink *link, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
   const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
+  const PetscReal whole = LatinFrameStiffness(frame, l), low = PetscMin(LATIN_FRAME_SLACK * mean, whole);
   const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && link->across <= LATIN_FRAME_NEAR * mean);
 
   if (type == LATIN_FRAME_TANGENT) {
     LatinFrameTangent(frame, l, link, mean, k, c);
     return;
   }
-  *k = LatinFrameStiffness(frame, l);
+  *k = frame->turns->midpoint ? PetscMax(link->k, low) : whole;
   *c = LATIN_FRAME_FLOOR * mean;
   if (LatinStructureKeeps(frame->turns, l)) {
-    if (!(link->across > 0.0)) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+    if (!(link->across > 0.0)) *k = low;
     return;
   }
-  if (slack) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+  if (slack) *k = low;
   *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
@@ -188,6 +191,17 @@ static void LatinFrameLengths(LatinStructure frame)
   }
 }
 
+/* Data of a link for its tangent in a time step, that of the mean force: a cable that slackens or tightens in the step has a stiffness between zero and k */
+static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[], LatinFrameLink *link)
+{
+  LatinTurned turned;
+
+  LatinTurnedLink(step, NULL, l, a, &turned);
+  link->k = turned.across;
+  if (!LatinStructureKeeps(step, l)) link->across = turned.across;
+  for (PetscInt c = 0; c < step->dim; c++) link->k += turned.n[c] * turned.change[c];
+}
+
 /* Parts of links, geometry large, at the displacements a of the vertices, NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
 {
@@ -200,6 +214,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &link));
   PetscCall(LatinFrameMeasure_Private(frame, a, link, frame->direction, &sum));
+  for (PetscInt l = 0; l < m && base->midpoint && a; l++) LatinFrameMean(base, l, a, link + l);
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
   frame->made = type;
