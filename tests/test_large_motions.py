@@ -176,7 +176,9 @@ def test_variants_make_the_same_steps(variant):
     assert np.abs(found[1] - found[0]).max() < 1e-7 * np.abs(found[0]).max()
 
 
-@pytest.mark.parametrize(("massless", "h", "seeds"), [(0.0, 5.0, (15, 36, 51)), (0.4, 1e-2, (3, 33, 52))])
+@pytest.mark.parametrize(
+    ("massless", "h", "seeds"), [(0.0, 5.0, (15, 36, 51)), (0.4, 1e-2, (3, 33, 52)), (1.0, 0.05, (1019, 1029, 1041))]
+)
 def test_steps_are_as_accurate_as_they_claim(massless, h, seeds):
     """Steps of many periods, whose line search may stall, and nodes without mass, soft beside others. Some may fail."""
     claimed = 0
