@@ -58,8 +58,8 @@ static PetscInt LatinRowsMerge(PetscInt n, PetscInt j[], PetscScalar a[], PetscI
 }
 
 /* Exchanges rows: sends them to their owners, receives those owned here in from[], ascending ranks; own rows are not copied. Collective on map->comm */
-static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt n, PetscInt info[], const PetscInt ki[], PetscInt kj[], PetscScalar ka[], PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], const PetscInt first[],
-                                                PetscMPIInt froms, LatinRows from[])
+static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt info[], const PetscInt ki[], PetscInt kj[], PetscScalar ka[], PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], const PetscInt first[], PetscMPIInt froms,
+                                                LatinRows from[])
 {
   PetscMPIInt  rank, tag, requests = 0, length;
   MPI_Request *request;
@@ -180,7 +180,7 @@ PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], La
   for (PetscInt k = 0; k < ki[n]; k++) part->j[k] = number[part->j[k]];
   PetscCall(LatinRowsTo_Private(map, n, number, ki, &sends, to, size, first));
   PetscCall(LatinRowsFrom_Private(map, sends, to, size, &froms, &from));
-  PetscCall(LatinRowsExchange_Private(map, n, info, ki, part->j, part->a, sends, to, size, first, froms, from));
+  PetscCall(LatinRowsExchange_Private(map, info, ki, part->j, part->a, sends, to, size, first, froms, from));
   PetscCall(LatinRowsAdd_Private(map, froms, from, &oi, &oj, &oa));
   for (PetscMPIInt f = 0; f < froms; f++)
     if (from[f].rank != rank) PetscCall(PetscFree3(from[f].info, from[f].j, from[f].a));

@@ -14,7 +14,7 @@
 #define LATIN_ROOM_MOST     6400                         /* greatest work space, in percent, after three fourfold increases */
 
 /* *package: the first one with a Cholesky factorisation of A, the preferred one or another; NULL: none */
-PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
+static PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
 {
   const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
 

@@ -33,7 +33,6 @@ typedef struct {
   PetscBool      provisional; /* input: linear stages will test the factor, and A may change then: no mode, no search for mechanisms */
   PetscBool      staged;      /* input: linear stages will test the precision of a factor with Schur complement */
 } LatinFactorStatus;
-PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinDirectLU_Private(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinFactorTry_Private(KSP, Mat, LatinFactorStatus *);

@@ -174,7 +174,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
 }
 
 /* The convergence test of the inner SNES */
-PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+static PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   SNES        snes = (SNES)ctx;
   SNES_Latin *data = (SNES_Latin *)snes->data;

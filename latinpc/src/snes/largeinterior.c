@@ -187,8 +187,8 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
-/* Unbalanced forces of the tensions, `ahead` of a step ahead. Collective on snes */
-static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior *point, PetscReal ahead)
+/* Unbalanced forces of the tensions a step ahead. Collective on snes */
+static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
   const PetscInt       dim       = structure->dim;
@@ -199,7 +199,7 @@ static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior
   for (PetscInt i = 0; i < dim * structure->links_local; i++) {
     const PetscInt l = i / dim;
 
-    f[i] = LatinInteriorSign(point, l) * point->part[l] * (point->t[l] + ahead * point->part[l] * point->dt[l]) * point->n[i];
+    f[i] = LatinInteriorSign(point, l) * point->part[l] * (point->t[l] + point->part[l] * point->dt[l]) * point->n[i];
   }
   PetscCall(LatinTurningForces_Private(structure, f, snes->vec_sol, structure->load, point->r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
@@ -220,7 +220,7 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscR
   for (PetscInt l = 0; l < n; l++) { /* dt without the part of du */
     point->dt[l] = point->s[l] > 0.0 ? (v[l] - point->t[l] * point->gap[l]) / (point->s[l] + point->give[l] * point->t[l] / point->part[l]) : 0.0;
   }
-  PetscCall(LatinInteriorForces_Private(snes, point, 1.0));
+  PetscCall(LatinInteriorForces_Private(snes, point));
   PetscCall(VecScale(point->r, -1.0));
   PetscCall(KSPSolve(ksp, point->r, point->du));
   PetscCall(KSPGetConvergedReason(ksp, &reason));

@@ -312,7 +312,6 @@ PETSC_INTERN PetscErrorCode SNESLatinLoad_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinIterate_Private(SNES, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *));
 /* snes/large.c, snes/largenewton.c, snes/largepath.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
-PETSC_INTERN PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool near, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
