@@ -419,7 +419,7 @@ OTHERS = {
         "Where more groups differ a sparse direct solver does the same elimination with less work.",
     ),
     "LATIN_MOVED_MOST": ("nodes", "What a rank looks at for a message."),
-    "LATIN_CONTRAST": ("", "Of masses: a message on a failed step names it, as `latinpc.runs.motion` does."),
+    "LATIN_CONTRAST": ("", "Of masses: a message on a failed step names it."),
     "LATIN_MOVED_NAMED": ("nodes", "What a message names."),
     "LATIN_MOVED_PART": (
         "of the largest displacement",

@@ -126,6 +126,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStructureAttachKSP(LatinStructure, PetscKSP)
     PetscErrorCode KSPLatinGetOuter(PetscKSP, PetscKSP *)
     PetscErrorCode TSLatinGetTensions(PetscTS, PetscReal *)
+    PetscErrorCode TSLatinGetCause(PetscTS, size_t, char *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
     PetscErrorCode LatinStructureAttachPC(LatinStructure, PetscPC)
     PetscErrorCode PCShellSetLatin(PetscPC)

@@ -280,6 +280,13 @@ def step_tensions(TS ts not None, out):
     CHKERR(TSLatinGetTensions(ts.ts, <PetscReal *>reals(out)))
 
 
+def step_cause(TS ts not None):
+    """Return why the last step has not converged, and what to change."""
+    cdef char cause[600]
+    CHKERR(TSLatinGetCause(ts.ts, sizeof(cause), cause))
+    return cause.decode()
+
+
 def solve_cases(SNES snes not None, load, prescribed, elongation, displacement, tension, stages):
     """Solve load cases side by side: lists of arrays, None where there is none; fills the last three."""
     cdef PetscInt i, n = len(load)

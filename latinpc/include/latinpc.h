@@ -215,6 +215,7 @@ PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
 PETSC_EXTERN PetscErrorCode LatinStructureAttachKSP(LatinStructure, KSP);
 PETSC_EXTERN PetscErrorCode KSPLatinGetOuter(KSP, KSP *);
 PETSC_EXTERN PetscErrorCode TSLatinGetTensions(TS, PetscReal tension[]);
+PETSC_EXTERN PetscErrorCode TSLatinGetCause(TS, size_t room, char cause[]);
 PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
 PETSC_EXTERN PetscErrorCode LatinStructureAttachPC(LatinStructure, PC);
 PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import accuracy, solvers
+from latinpc import solvers
 from latinpc.laws import UNILATERAL
+from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import SolveError, errors_as_given
@@ -23,7 +24,6 @@ from .checkpoint import Keeper
 from .history import Acting
 from .report import environment
 
-CONTRAST = 1e3  # of masses, above which a message on a step that fails names it
 GROWN = 0.1  # of the energy that has become kinetic, above which a growing energy is told
 UNBALANCED = 1e-3  # of the largest force, what massless nodes may start with
 NAMED = 6  # nodes in a sentence, at most
@@ -286,7 +286,7 @@ def _move(recorder, step, from_equilibrium):
         node_class=solvers.node_classes(snes) if is_latin else None,
         notices=notices
         + ([] if acting is not None else _grown(ts, report))
-        + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass, acting is None)),
+        + ([] if reason > 0 else [_failed(ts, structure)]),
     )
 
 
@@ -333,28 +333,10 @@ def _massless(structure, ts):
     ]
 
 
-def _causes(ts, snes, structure, mass, repeats):
-    """Return a sentence on why a step has not converged."""
-    names = PETSc.SNES.ConvergedReason
-    start, step = ts.getTime(), ts.getTimeStep()
-    text = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {quantity(start + step, 's', 6)}"
-    text += f", has not converged: {reason_name(names, snes.getConvergedReason())}"
-    loose, nodes = solvers.unsupported_nodes(snes) if snes.getType() == "latin" else (0, [])
-    jammed, links = solvers.jammed_links(snes) if snes.getType() == "latin" else (0, [])
-    if jammed:
-        text += f"; the gaps of the rigid {structure.some_links(links, jammed > len(links))} are incompatible"
-    elif loose and not mass[nodes].any():
-        named = structure.some_nodes(nodes, loose > len(nodes))
-        its = "it has no mass: give it one" if loose == 1 else "they have no mass: give them one"
-        text += f"; links do not hold {named} against the loads, and {its}"
-    elif snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
-        least = accuracy.rounding_floor(snes)
-        text += f", the requested error is below the rounding error of this step, about {least:.0e}" if least else ""
-    heavy = mass[mass > 0.0]
-    if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
-        contrast = heavy.max() / heavy.min()
-        text += f"; masses differ by a factor of {contrast:.0e}: light nodes between heavy ones converge slowly"
-    if structure.geometry == "large" and not (loose or jammed):
-        text += "; take shorter steps"
-        text += ", or -ts_max_snes_failures -1, which shortens those that fail" if repeats else ""
-    return [text]
+def _failed(ts, structure):
+    """Return a sentence on a step that has not converged."""
+    start, reason = ts.getTime(), ts.getSNES().getConvergedReason()
+    end = quantity(start + ts.getTimeStep(), "s", 6)
+    step = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {end}"
+    cause = structure.counted_as_given(_latin.step_cause(ts))
+    return f"{step}, has not converged: {reason_name(PETSc.SNES.ConvergedReason, reason)}. {cause}"

@@ -1,8 +1,9 @@
-#include "ts/failedstep.h"
+#include "snes/sneslatinimpl.h"
+#include <petsc/private/tsimpl.h>
 
-/* What an error says of a step whose SNES has not converged: the step, the cause as far as it is known, a cure. No mathematics of the method here */
+/* What errors and reports say of a step whose SNES has not converged: the cause as far as it is known, a cure. No mathematics of the method here */
 
-#define LATIN_CONTRAST 1e3 /* of masses, above which the message names it; the same as in Python */
+#define LATIN_CONTRAST 1e3 /* of masses, above which the message names it */
 
 /* Writes numbers in a row. Not collective */
 static PetscErrorCode LatinListed_Private(PetscInt listed, PetscInt count, const PetscInt number[], size_t room, char text[])
@@ -38,34 +39,62 @@ static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, 
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode TSLatinFailed_Private(TS ts, LatinStructure step, SNES snes)
+/*@C
+  TSLatinGetCause - Says why the last step of a TS has not converged, as far as it is known, and what to change.
+
+  Collective on ts
+
+  Input Parameters:
++ ts   - of any type, to which a structure is attached
+- room - length of cause, of which 600 characters are enough
+
+  Output Parameter:
+. cause - sentences, without the number of the step and the reason of its SNES
+
+  Level: intermediate
+
+.seealso: `TSLATIN`, `TSSetErrorIfStepFails()`, `SNESLatinGetUnsupportedNodes()`, `SNESLatinGetJammedLinks()`
+@*/
+PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
 {
-  char                names[256], cause[512] = "";
+  char                names[256];
   PetscInt            jammed = 0, loose = 0, links = 0, nodes = 0;
   const PetscInt     *link = NULL, *node = NULL;
-  PetscReal           contrast = 1.0;
-  PetscBool           latin, heavy = PETSC_FALSE;
+  PetscReal           contrast = 1.0, floor = 0.0;
+  PetscBool           latin, heavy          = PETSC_FALSE;
+  SNES                snes;
+  LatinStructure      step;
   SNESConvergedReason reason;
 
   PetscFunctionBegin;
+  PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
+  PetscCheck(step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "This TS has no structure: attach one with LatinStructureAttachTS()");
+  PetscCall(TSGetSNES(ts, &snes));
   PetscCall(SNESGetConvergedReason(snes, &reason));
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   if (latin) {
     PetscCall(SNESLatinGetJammedLinks(snes, &jammed, &links, &link));
     PetscCall(SNESLatinGetUnsupportedNodes(snes, &loose, &nodes, &node, NULL));
+    PetscCall(SNESLatinGetEstimates(snes, NULL, NULL, NULL, &floor));
   }
   PetscCall(LatinMasses_Private(step->base, nodes, node, &heavy, &contrast));
+  cause[0] = 0;
   if (jammed) {
     PetscCall(LatinListed_Private(links, jammed, link, sizeof(names), names));
-    PetscCall(PetscSNPrintf(cause, sizeof(cause), "The gaps of the rigid link%s %s are incompatible: look at the supports that move", jammed > 1 ? "s" : "", names));
+    PetscCall(PetscSNPrintf(cause, room, "The gaps of the rigid link%s %s are incompatible: look at the supports that move", jammed > 1 ? "s" : "", names));
   } else if (loose && !heavy) {
     PetscCall(LatinListed_Private(nodes, loose, node, sizeof(names), names));
-    PetscCall(PetscSNPrintf(cause, sizeof(cause), "Links do not hold node%s %s against the loads, and %s one", loose > 1 ? "s" : "", names, loose > 1 ? "they have no mass: give them" : "it has no mass: give it"));
+    PetscCall(PetscSNPrintf(cause, room, "Links do not hold node%s %s against the loads, and %s one", loose > 1 ? "s" : "", names, loose > 1 ? "they have no mass: give them" : "it has no mass: give it"));
   } else {
-    if (latin && reason == SNES_DIVERGED_INNER) PetscCall(PetscStrlcat(cause, "The requested error is below the rounding error of this step: take a larger one, -snes_latin_error. ", sizeof(cause)));
-    if (reason == SNES_DIVERGED_MAX_IT) PetscCall(PetscStrlcat(cause, "The iterations that -snes_max_it allows were not enough. ", sizeof(cause)));
-    if (reason == SNES_DIVERGED_MAX_IT && contrast > LATIN_CONTRAST) PetscCall(PetscStrlcat(cause, "Masses differ by a large factor: light nodes between heavy ones converge slowly. ", sizeof(cause)));
-    PetscCall(PetscStrlcat(cause, "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", sizeof(cause)));
+    if (reason == SNES_DIVERGED_INNER && floor > 0.0) PetscCall(PetscSNPrintf(cause, room, "The requested error is below the rounding error of this step, about %.0e: take a larger one, -snes_latin_error. ", (double)floor));
+    if (reason == SNES_DIVERGED_MAX_IT && snes->iter >= snes->max_its) PetscCall(PetscStrlcat(cause, "The iterations that -snes_max_it allows were not enough. ", room));
+    if (reason == SNES_DIVERGED_MAX_IT && contrast > LATIN_CONTRAST) {
+      PetscCall(PetscSNPrintf(names, sizeof(names), "Masses differ by a factor of %.0e: light nodes between heavy ones converge slowly. ", (double)contrast));
+      PetscCall(PetscStrlcat(cause, names, room));
+    }
+    /* who sets loads before a step does not learn that it has become shorter */
+    PetscCall(PetscStrlcat(cause, ts->prestep ? "Take shorter steps" : "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", room));
   }
-  SETERRQ(PetscObjectComm((PetscObject)ts), PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT ", from %g to %g, has not converged: %s. %s", ts->steps + 1, (double)ts->ptime, (double)(ts->ptime + ts->time_step), SNESConvergedReasons[reason], cause);
+  PetscFunctionReturn(0);
 }

@@ -1,4 +1,5 @@
-#include "ts/failedstep.h"
+#include "snes/sneslatinimpl.h"
+#include <petsc/private/tsimpl.h>
 
 /*
    TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, for motions with velocity
@@ -142,6 +143,18 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscFunctionReturn(0);
 }
 
+/* Raises the error of a step that its SNES has not solved. Collective on ts */
+static PetscErrorCode TSLatinFailed_Private(TS ts, SNES snes)
+{
+  char                cause[600];
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetConvergedReason(snes, &reason));
+  PetscCall(TSLatinGetCause(ts, sizeof(cause), cause));
+  SETERRQ(PetscObjectComm((PetscObject)ts), PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT ", from %g to %g, has not converged: %s. %s", ts->steps + 1, (double)ts->ptime, (double)(ts->ptime + ts->time_step), SNESConvergedReasons[reason], cause);
+}
+
 static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -172,7 +185,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
     ts->reject++;
     if (!ts->reason && ++rejections > ts->max_reject && ts->max_reject >= 0) ts->reason = TS_DIVERGED_STEP_REJECTED;
   }
-  if (ts->reason == TS_DIVERGED_NONLINEAR_SOLVE && ts->errorifstepfailed) PetscCall(TSLatinFailed_Private(ts, data->step, snes));
+  if (ts->reason == TS_DIVERGED_NONLINEAR_SOLVE && ts->errorifstepfailed) PetscCall(TSLatinFailed_Private(ts, snes));
   if (ts->reason) PetscFunctionReturn(0);
   data->started = PETSC_TRUE;
   PetscCall(LatinStepMade_Private(data->step));
