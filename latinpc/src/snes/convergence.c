@@ -27,7 +27,7 @@ SNESConvergedReason SNESLatinReason(LatinNext next)
 }
 
 /* Has the user set a convergence test? It replaces the stop */
-static PetscBool SNESLatinUserTest(SNES snes)
+PetscBool SNESLatinUserTest(SNES snes)
 {
   return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
 }
@@ -129,10 +129,10 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
   if (data->stop == LATIN_STOP_RESIDUAL) {
     PetscCall(SNESLatinResidual_Private(snes));
     *measure = data->residual;
-    *target  = snes->rtol * data->first_residual;
+    *target  = PetscMax(snes->abstol, snes->rtol * data->first_residual);
   } else if (data->stop == LATIN_STOP_REFERENCE && data->done) *measure = data->error_l2[data->done - 1];
   else if (SNESLatinEstimates(data)) {
-    if (data->estimate.value <= data->target || data->estimate.rounding) {
+    if (!SNESLatinLarge(data) && (data->estimate.value <= data->target || data->estimate.rounding)) {
       PetscCall(SNESLatinResidual_Private(snes));
       PetscCall(LatinEquilibriumCheck_Private(latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, (PetscBool)(latin->linear.distance <= latin->linear.noise), &data->found));
       LatinEstimateLearn(&data->found, data->target, &data->estimate);
@@ -233,14 +233,15 @@ static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, PetscReal fnorm, LatinNext *next)
+/* What follows this linear stage. Collective on snes */
+PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   Latin       latin = data->latin;
   PetscBool   stalled;
 
   PetscFunctionBegin;
-  if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
+  if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
   else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
@@ -257,7 +258,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
 }
 
 /* Has this linear stage been tested already? The acceleration may test a stage twice. The first stage sets the distance that divergence is relative to. Not collective */
-PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
+static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
   const LatinLinear *linear = &data->latin->linear;
@@ -274,7 +275,7 @@ PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
 }
 
 /* The convergence test of the inner SNES, once a linear stage */
-PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   SNES        snes = (SNES)ctx;
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -288,12 +289,32 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
   PetscCall(SNESLatinMeasure_Private(snes, &measure, &target));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
   PetscCall(SNESLatinMonitor_Private(snes));
-  PetscCall(SNESLatinDecide_Private(snes, measure, target, fnorm, &data->next));
+  PetscCall(data->decide(snes, PetscIsInfOrNanReal(fnorm) ? fnorm : measure, target, &data->next));
   if (data->next == LATIN_NEXT_CONTINUE) {
     PetscTryTypeMethod(snes, update, snes->iter);
     PetscFunctionReturn(0);
   }
   *reason = SNESLatinReason(data->next);
   if (!*reason) *reason = SNES_CONVERGED_ITS; /* stops the inner SNES; data->next has the reason */
+  PetscFunctionReturn(0);
+}
+
+/* The iteration from the state z: `decide` says what follows each stage, the inner SNES may end by itself. Collective on snes */
+PetscErrorCode SNESLatinIterate_Private(SNES snes, LatinDecide decide)
+{
+  SNES_Latin         *data = (SNES_Latin *)snes->data;
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  data->next   = LATIN_NEXT_CONTINUE;
+  data->decide = decide;
+  PetscCall(SNESLatinOuterSetUp_Private(snes));
+  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, SNESLatinStageLimit(snes), PETSC_MAX_INT));
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &reason));
+  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : LATIN_NEXT_GIVEN;
+  snes->reason = reason;
   PetscFunctionReturn(0);
 }

@@ -105,26 +105,6 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
   PetscFunctionReturn(0);
 }
 
-/* What the stop is on, and the value to reach */
-static PetscErrorCode SNESLatinLargeMeasure_Private(SNES snes, PetscReal *measure, PetscReal *target)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  *measure = data->latin->linear.indicator;
-  *target  = snes->stol;
-  if (data->stop == LATIN_STOP_RESIDUAL) {
-    PetscCall(SNESLatinResidual_Private(snes));
-    *measure = data->residual;
-    *target  = PetscMax(snes->abstol, snes->rtol * data->first_residual);
-  } else if (data->stop == LATIN_STOP_REFERENCE && data->done) *measure = data->error_l2[data->done - 1];
-  else if (SNESLatinEstimates(data)) {
-    *measure = data->estimate.value;
-    *target  = data->target;
-  }
-  PetscFunctionReturn(0);
-}
-
 /* Has the iteration come to rest but for rounding: do stages change little, and not halve the measure of the stop? Once a stage */
 static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal indicator)
 {
@@ -153,9 +133,10 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   PetscBool          due;
 
   PetscFunctionBegin;
+  if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
   else if (linear->failed) *next = LATIN_NEXT_FAILED;
-  else if (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) target = 0.0; /* the user's test decides */
+  else if (SNESLatinUserTest(snes)) target = 0.0; /* the user's test decides */
   else if (proves && (measure <= large->near || rests)) *next = LATIN_NEXT_NEWTON_FINISH;
   else if (!proves && measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   else if (!proves && rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
@@ -170,31 +151,6 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
     PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
     if (due) *next = LATIN_NEXT_REBUILD;
   }
-  PetscFunctionReturn(0);
-}
-
-/* The convergence test of the inner SNES */
-static PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
-{
-  SNES        snes = (SNES)ctx;
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   measure, target;
-  PetscBool   again;
-
-  PetscFunctionBegin;
-  *reason = SNES_CONVERGED_ITERATING;
-  PetscCall(SNESLatinTested_Private(snes, &again));
-  if (again) PetscFunctionReturn(0);
-  PetscCall(SNESLatinLargeMeasure_Private(snes, &measure, &target));
-  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
-  PetscCall(SNESLatinMonitor_Private(snes));
-  if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinLargeDecide_Private(snes, measure, target, &data->next));
-  if (data->next == LATIN_NEXT_CONTINUE) {
-    PetscTryTypeMethod(snes, update, snes->iter);
-    PetscFunctionReturn(0);
-  }
-  *reason = SNESLatinReason(data->next);
-  if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
   PetscFunctionReturn(0);
 }
 
@@ -459,7 +415,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
   while (!done) {
     PetscCall(SNESLatinLargeState_Private(snes));
-    PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
+    PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeDecide_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
       if (!large->renewals || large->newton_failed || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));

@@ -138,25 +138,6 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* The iteration from the state z, with `test` as convergence test of the inner SNES, which may end without it. Collective on snes */
-PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *))
-{
-  SNES_Latin         *data = (SNES_Latin *)snes->data;
-  SNESConvergedReason reason;
-
-  PetscFunctionBegin;
-  data->next = LATIN_NEXT_CONTINUE;
-  PetscCall(SNESLatinOuterSetUp_Private(snes));
-  PetscCall(SNESSetConvergenceTest(data->outer, test, snes, NULL));
-  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, SNESLatinStageLimit(snes), PETSC_MAX_INT));
-  PetscCall(SNESSolve(data->outer, NULL, data->z));
-  PetscCall(SNESGetConvergedReason(data->outer, &reason));
-  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : LATIN_NEXT_GIVEN;
-  snes->reason = reason;
-  PetscFunctionReturn(0);
-}
-
 /* Computes the function, the nodal unbalance, at the solution vector. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)
 {

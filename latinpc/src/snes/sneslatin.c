@@ -97,7 +97,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   if (z) PetscCall(VecCopy(z, data->z));
   else data->first_distance = -1.0;
   PetscCall(VecDestroy(&z));
-  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinDecide_Private));
   PetscFunctionReturn(0);
 }
 
@@ -167,7 +167,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
     PetscCall(SNESLatinLargeState_Private(snes)); /* for a warm start */
     PetscFunctionReturn(0);
   }
-  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinDecide_Private));
   while (data->next >= LATIN_NEXT_NEWTON_FINISH && data->next <= LATIN_NEXT_REBUILD) {
     if (data->next == LATIN_NEXT_REBUILD) PetscCall(SNESLatinRebuild_Private(snes));
     else PetscCall(SNESLatinNewton_Private(snes, (PetscBool)(data->next == LATIN_NEXT_NEWTON_STALL)));

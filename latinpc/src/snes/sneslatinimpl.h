@@ -24,6 +24,8 @@ typedef enum {
   LATIN_NEXT_NOT_FINITE,          /* end: infinite or NaN */
   LATIN_NEXT_GIVEN                /* end: reason of the user's test or of the inner SNES */
 } LatinNext;
+/* What follows a linear stage, from the measure of the stop and its target */
+typedef PetscErrorCode (*LatinDecide)(SNES, PetscReal measure, PetscReal target, LatinNext *);
 
 static inline PetscBool LatinNextConverged(LatinNext next)
 {
@@ -207,6 +209,7 @@ typedef struct {
   PetscInt          tested;  /* number of the last linear stage tested */
   PetscInt          current; /* number of the linear stage at which the solution vector and its residual were computed, -1: never */
   LatinNext         next;
+  LatinDecide       decide;
   LatinNewton       newton;
   LatinLarge        large;
   LatinEquilibrium  found; /* the last verdict on the displacements */
@@ -291,6 +294,7 @@ PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinNewton_Private(SNES, PetscBool stall);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
+PETSC_INTERN PetscBool           SNESLatinUserTest(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);
@@ -300,16 +304,15 @@ PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinCollapsed_Private(SNES, PetscBool *);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
-PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
+PETSC_INTERN PetscErrorCode      SNESLatinDecide_Private(SNES, PetscReal measure, PetscReal target, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinMonitor_Private(SNES);
-PETSC_INTERN PetscErrorCode      SNESLatinTested_Private(SNES, PetscBool *again);
+PETSC_INTERN PetscErrorCode      SNESLatinIterate_Private(SNES, LatinDecide);
 /* snes/problem.c */
 PETSC_INTERN PetscErrorCode SNESLatinFrame_Private(SNES, LatinStructure, LatinStructure *);
 PETSC_INTERN PetscErrorCode SNESLatinResetState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinSetUpState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinCopyReference_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLoad_Private(SNES);
-PETSC_INTERN PetscErrorCode SNESLatinIterate_Private(SNES, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *));
 /* snes/large.c, snes/largenewton.c, snes/largepath.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool near, PetscBool *done);

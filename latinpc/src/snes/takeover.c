@@ -189,7 +189,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
-  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinDecide_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && elastic)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* convergence is unproven: Newton's method has failed, or had no stages left */
   PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
