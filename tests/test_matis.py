@@ -403,6 +403,28 @@ def test_view(matis):
     assert "There are no unused options" in result.stdout
 
 
+def test_coordinates_of_other_nodes_are_refused():
+    """On one rank the message speaks of no other one."""
+    local = PETSc.Mat().createAIJ((6, 6), nnz=1, comm=PETSc.COMM_SELF)
+    for i in range(6):
+        local.setValue(i, i, 1.0)
+    local.assemble()
+    a = PETSc.Mat().create(PETSc.COMM_SELF)
+    a.setSizes(6)
+    a.setType("is")
+    a.setLGMap(*2 * [PETSc.LGMap().create(range(6), comm=PETSc.COMM_SELF)])
+    a.setISLocalMat(local)
+    a.assemble()
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    pc.setOperators(a)
+    pc.setType("latin")
+    pc.setCoordinates(np.zeros((4, 2)))
+    with pytest.raises(PETSc.Error) as error:
+        pc.setUp()
+    said = latinpc.error_message(error.value)
+    assert "given 4 nodes to a rank of 6 unknowns" in said and "another rank" not in said
+
+
 def test_program_of_the_documentation(mpirun, tmp_path):
     """It runs as it is written, on any number of ranks."""
     page = (PROGRAM.parent.parent / "docs" / "preconditioner.md").read_text()

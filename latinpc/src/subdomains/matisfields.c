@@ -90,8 +90,8 @@ static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool 
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &each, 1, MPIU_INT, MPI_MAX, comm));
   }
   LatinAgree(comm, given && nodes * each != rows, PETSC_ERR_ARG_SIZ,
-             "PCSetCoordinates() has given %" PetscInt_FMT " nodes to a rank of %" PetscInt_FMT " unknowns, where another rank has %" PetscInt_FMT " unknowns a node: give every node of all ranks the same number of unknowns, or each unknown a node",
-             nodes, rows, each);
+             "PCSetCoordinates() has given %" PetscInt_FMT " nodes to a rank of %" PetscInt_FMT " unknowns, which are not %" PetscInt_FMT " for each node: give every node of all ranks the same number of unknowns, or each unknown a node", nodes, rows,
+             each);
   fit = nodes * each == rows ? 1 : 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_INT, MPI_MIN, comm));
   if (!fit) PetscFunctionReturn(0);
