@@ -186,3 +186,25 @@ def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve, door, rank):
         said = re.findall(r"^error (\d+)", result.stdout, re.MULTILINE)
         # the header of an object gives no code of its own
         assert ended(result) or said in (2 * [str(MEMORY)], 2 * ["1"]), (part, result.stdout, result.stderr)
+
+
+MONITOR = """
+import petsc4py
+petsc4py.init()
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+snes = latinpc.Structure.from_scene(make("tensegrity-grid", modules=8, subdomains=4)).create_snes()
+def fail(snes, its, norm):
+    if its == 1 and PETSc.COMM_WORLD.rank == 0:
+        raise ValueError("mine")
+snes.setMonitor(fail)
+snes.solve(None, snes.getDM().createGlobalVec())
+"""
+
+
+def test_an_exception_of_one_rank_is_named(mpirun):
+    """Its text is lost with the rank, its kind is not."""
+    result = mpirun(2, MONITOR, alone=True, check=False, leaks=False, timeout=120)
+    assert ended(result) and "such as an exception in a Python function" in result.stderr

@@ -76,7 +76,8 @@ PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
     (void)PetscSleep(0.001);
   }
   (void)PetscErrorMessage(ierr, &meaning, (void *)&message); /* char *, const or not, by version */
-  (void)PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: error on one rank while the others wait in a collective call: the program ends. The error: %s: %s\n", meaning ? meaning : "unknown", message ? message : "");
+  (void)PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: error on one rank while the others wait in a collective call: the program ends. The error: %s%s%s\n",
+                     meaning ? meaning : "none of PETSc, such as an exception in a Python function that only this rank has raised", message ? ": " : "", message ? message : "");
   MPI_Abort(comm, (int)ierr);
   return ierr;
 }
