@@ -112,6 +112,31 @@ def test_supports_that_jam_a_row_are_told(law):
         assert latinpc.jammed_links(it.ts.getSNES()) == (n - 1, list(range(0, parts * (n - 1), parts)))
 
 
+@pytest.mark.parametrize("masses", [1, 2])
+@pytest.mark.parametrize("friction", [0.1, 0.19, 0.21, 0.6])
+def test_walls_that_close_push_masses_out_or_wedge_them(friction, masses):
+    """Their normals rise by 0.2: masses slip out if friction is below tan 0.2, else no motion obeys the laws."""
+    c, s = np.cos(0.2), np.sin(0.2)
+    walls, count = [masses, masses + 1], 4 * masses
+    scene = Scene(
+        name="wedge", nodes=[*([0.0, float(i)] for i in range(masses)), [-c, -s], [c, -s]],
+        links=[[wall, i] for i in range(masses) for wall in np.repeat(walls, 2)],
+        law=[Law.FRICTION, Law.TANGENT] * (count // 2), stiffness=np.zeros(count),
+        fixed=np.repeat(np.arange(masses + 2) >= masses, 2).reshape(-1, 2),
+        direction=np.tile([[c, s], [-s, c], [-c, s], [s, c]], (masses, 1)),
+        friction=np.tile([friction, 0.0], count // 2), mass=np.array([MASS] * masses + [0.0] * 2),
+    )  # fmt: skip
+    with motion(scene, 1e-2) as it:
+        it.structure.set_prescribed([[0.0, 0.0]] * masses + [[1e-3, 0.0], [-1e-3, 0.0]])
+        if friction < np.tan(0.2):
+            it.step()
+            assert it.u[:masses] == pytest.approx(np.array([[0.0, 1e-3 / np.tan(0.2)]] * masses), abs=1e-7)
+            return
+        said = message(it.step)
+        assert "the step may have no solution, as where supports that move wedge nodes between contacts" in said
+        assert "that -snes_max_it allows were not enough" not in said
+
+
 def test_a_belt_drags_a_block():
     """Friction takes it along: it speeds up by mu g, until it has the velocity of the belt."""
     mu, speed, h = 0.3, 1.0, 1e-2

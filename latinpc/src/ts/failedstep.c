@@ -39,6 +39,34 @@ static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, 
   PetscFunctionReturn(0);
 }
 
+/* What may have ended a step of which neither links nor nodes are known, and what to change. Collective on ts */
+static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES snes, PetscReal contrast, size_t room, char cause[])
+{
+  const PetscBool inner = (PetscBool)(snes->reason == SNES_DIVERGED_INNER), limit = (PetscBool)(snes->reason == SNES_DIVERGED_MAX_IT);
+  PetscReal       floor = 0.0;
+  PetscBool       latin, stuck; /* before the iterations were used up */
+  char            some[128];
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  if (latin) PetscCall(SNESLatinGetEstimates(snes, NULL, NULL, NULL, &floor));
+  stuck = (PetscBool)(latin && limit && snes->iter < snes->max_its);
+  if (latin && step->rubs && (inner || stuck)) {
+    PetscCall(PetscStrlcat(cause, "Contacts with friction: the step may have no solution, as where supports that move wedge nodes between contacts. Move them another way, or reduce the friction. ", room));
+  } else if (inner && floor > 0.0) {
+    PetscCall(PetscSNPrintf(some, sizeof(some), "The requested error is below the rounding error of this step, about %.0e: take a larger one, -snes_latin_error. ", (double)floor));
+    PetscCall(PetscStrlcat(cause, some, room));
+  }
+  if (limit) PetscCall(PetscStrlcat(cause, stuck ? "The iteration stalled, and a larger -snes_max_it changes nothing. " : "The iterations that -snes_max_it allows were not enough. ", room));
+  if (limit && contrast > LATIN_CONTRAST) {
+    PetscCall(PetscSNPrintf(some, sizeof(some), "Masses differ by a factor of %.0e: light nodes between heavy ones converge slowly. ", (double)contrast));
+    PetscCall(PetscStrlcat(cause, some, room));
+  }
+  /* who sets loads before a step does not learn that it has become shorter */
+  PetscCall(PetscStrlcat(cause, ts->prestep ? "Take shorter steps" : "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", room));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   TSLatinGetCause - Says why the last step of a TS has not converged, as far as it is known, and what to change.
 
@@ -60,23 +88,20 @@ PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
   char                names[256];
   PetscInt            jammed = 0, loose = 0, links = 0, nodes = 0;
   const PetscInt     *link = NULL, *node = NULL;
-  PetscReal           contrast = 1.0, floor = 0.0;
-  PetscBool           latin, heavy          = PETSC_FALSE;
+  PetscReal           contrast = 1.0;
+  PetscBool           latin, heavy = PETSC_FALSE;
   SNES                snes;
   LatinStructure      step;
-  SNESConvergedReason reason;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
   PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
   PetscCheck(step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "This TS has no structure: attach one with LatinStructureAttachTS()");
   PetscCall(TSGetSNES(ts, &snes));
-  PetscCall(SNESGetConvergedReason(snes, &reason));
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   if (latin) {
     PetscCall(SNESLatinGetJammedLinks(snes, &jammed, &links, &link));
     PetscCall(SNESLatinGetUnsupportedNodes(snes, &loose, &nodes, &node, NULL));
-    PetscCall(SNESLatinGetEstimates(snes, NULL, NULL, NULL, &floor));
   }
   PetscCall(LatinMasses_Private(step->base, nodes, node, &heavy, &contrast));
   cause[0] = 0;
@@ -87,14 +112,7 @@ PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
     PetscCall(LatinListed_Private(nodes, loose, node, sizeof(names), names));
     PetscCall(PetscSNPrintf(cause, room, "Links do not hold node%s %s against the loads, and %s one", loose > 1 ? "s" : "", names, loose > 1 ? "they have no mass: give them" : "it has no mass: give it"));
   } else {
-    if (reason == SNES_DIVERGED_INNER && floor > 0.0) PetscCall(PetscSNPrintf(cause, room, "The requested error is below the rounding error of this step, about %.0e: take a larger one, -snes_latin_error. ", (double)floor));
-    if (reason == SNES_DIVERGED_MAX_IT && snes->iter >= snes->max_its) PetscCall(PetscStrlcat(cause, "The iterations that -snes_max_it allows were not enough. ", room));
-    if (reason == SNES_DIVERGED_MAX_IT && contrast > LATIN_CONTRAST) {
-      PetscCall(PetscSNPrintf(names, sizeof(names), "Masses differ by a factor of %.0e: light nodes between heavy ones converge slowly. ", (double)contrast));
-      PetscCall(PetscStrlcat(cause, names, room));
-    }
-    /* who sets loads before a step does not learn that it has become shorter */
-    PetscCall(PetscStrlcat(cause, ts->prestep ? "Take shorter steps" : "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", room));
+    PetscCall(LatinUnknownCause_Private(ts, step, snes, contrast, room, cause));
   }
   PetscFunctionReturn(0);
 }
