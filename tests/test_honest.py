@@ -167,3 +167,24 @@ def test_options_of_the_inner_snes_are_read_again():
         plain = solve(PLATE, outer_snes_type="nrichardson")
         assert run.snes.getIterationNumber() == plain.iterations
         assert np.array_equal(run.structure.displacements(u), plain.u)
+
+
+@pytest.mark.parametrize("newton", ["auto", "never"])
+def test_another_function_that_is_left_is_not_converged(newton):
+    """The equations are those of the structure: with springs to the ground added, its solution leaves a residual."""
+    links = structure(PLATE)
+    with default_options({"snes_latin_stop": "residual", "snes_rtol": 1e-8, "snes_latin_newton": newton}):
+        snes = links.create_snes()
+        snes.setFromOptions()
+    own = links.create_snes()
+
+    def springs(_, u, r):
+        own.computeFunction(u, r)
+        r.axpy(1e5, u)
+
+    snes.setFunction(springs, links.create_vec())
+    u = links.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER
+    own.solve(None, u)
+    assert own.getConvergedReason() > 0

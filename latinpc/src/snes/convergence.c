@@ -190,8 +190,8 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   SNES_Latin     *data     = (SNES_Latin *)snes->data;
   const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
   const PetscBool balances = SNESLatinBalances(snes), statics = (PetscBool)!data->latin->sub.structure->ground;
-  const PetscBool step   = (PetscBool)(statics && !balances && data->stop == LATIN_STOP_INDICATOR);
-  const PetscBool gaps   = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL && data->latin->sub.structure->rigid_law >= 0);
+  const PetscBool step = (PetscBool)(statics && !balances && data->stop == LATIN_STOP_INDICATOR);
+  const PetscBool left = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL), gaps = (PetscBool)(left && data->latin->sub.structure->rigid_law >= 0);
   const PetscReal target = step ? PetscMax(LATIN_STEP_ERROR * snes->stol, PETSC_SQRT_MACHINE_EPSILON) : data->target;
   PetscReal       loads;
   PetscBool       far;
@@ -200,13 +200,14 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !balances && !step && !gaps && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
+  if (!far && !balances && !step && !left && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinUnbalanceRounded(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
+  else if (SNESLatinLeft(data, PetscMax(snes->abstol, snes->rtol * data->first_residual), loads)) *next = LATIN_NEXT_ROUNDING;
   else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }

@@ -269,6 +269,12 @@ static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
   return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
+/* Is the residual after the last check larger than this target, and than rounding makes it? Then another function has been set, with which the structure is not in balance */
+static inline PetscBool SNESLatinLeft(const SNES_Latin *data, PetscReal target, PetscReal loads)
+{
+  return (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && data->latin->sub.structure->rigid_law < 0 && !data->found.balanced && data->residual > PetscMax(target, data->found.rounding * loads));
+}
+
 #define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */
 
 /* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING */

@@ -50,6 +50,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
   shown                   = (PetscBool)((newton->stagnant || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
+  if (SNESLatinLeft(data, newton->residual, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || rigid)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;

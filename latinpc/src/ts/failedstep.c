@@ -45,7 +45,7 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
   const PetscBool inner = (PetscBool)(snes->reason == SNES_DIVERGED_INNER), limit = (PetscBool)(snes->reason == SNES_DIVERGED_MAX_IT);
   PetscReal       floor = 0.0;
   PetscBool       latin, stuck; /* before the iterations were used up */
-  char            some[128];
+  char            some[160];
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
@@ -85,13 +85,13 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
 @*/
 PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
 {
-  char                names[256];
-  PetscInt            jammed = 0, loose = 0, links = 0, nodes = 0;
-  const PetscInt     *link = NULL, *node = NULL;
-  PetscReal           contrast = 1.0;
-  PetscBool           latin, heavy = PETSC_FALSE;
-  SNES                snes;
-  LatinStructure      step;
+  char            names[256];
+  PetscInt        jammed = 0, loose = 0, links = 0, nodes = 0;
+  const PetscInt *link = NULL, *node = NULL;
+  PetscReal       contrast = 1.0;
+  PetscBool       latin, heavy = PETSC_FALSE;
+  SNES            snes;
+  LatinStructure  step;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
