@@ -29,6 +29,7 @@ __all__ = [
     "pcshell_set_latin",
     "save_state",
     "statistics",
+    "step_cause",
     "step_tensions",
     "subdomain_is",
     "subdomain_of_links",
@@ -167,6 +168,23 @@ def tensions(snes: PETSc.SNES) -> np.ndarray:
     mine = np.zeros(len(slices.my_links), dtype=PETSc.RealType)
     _latin.tensions(snes, mine)
     return slices.gather_links(mine)
+
+
+def step_cause(ts: PETSc.TS) -> str:
+    """Say why the last time step has not converged, as far as it is known, and what to change; collective.
+
+    Parameters
+    ----------
+    ts : petsc4py.PETSc.TS
+        Of any type, with a `Structure` attached; after ``ts.setErrorIfStepFails(False)`` a step that fails ends the
+        motion without an error.
+
+    Returns
+    -------
+    str
+        Sentences; links and nodes are numbered from 0. Empty if the step has converged.
+    """
+    return _latin.step_cause(ts)
 
 
 def step_tensions(ts: PETSc.TS) -> np.ndarray:

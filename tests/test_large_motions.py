@@ -369,6 +369,7 @@ def test_a_step_too_long_to_be_found_ends_soon():
     ts.solve(ts.getSolution2()[0])
     assert ts.getConvergedReason() == PETSc.TS.ConvergedReason.DIVERGED_NONLINEAR_SOLVE
     assert ts.getSNES().getIterationNumber() < 3000
+    assert latinpc.step_cause(ts).startswith("The iteration stalled")
     ts.destroy()
     result = move(scene, 1, 10.0, mass=10.0)
     said = (

@@ -10,7 +10,6 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.laws import UNILATERAL
-from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import SolveError, errors_as_given
@@ -338,5 +337,5 @@ def _failed(ts, structure):
     start, reason = ts.getTime(), ts.getSNES().getConvergedReason()
     end = quantity(start + ts.getTimeStep(), "s", 6)
     step = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {end}"
-    cause = structure.counted_as_given(_latin.step_cause(ts))
+    cause = structure.counted_as_given(solvers.step_cause(ts))
     return f"{step}, has not converged: {reason_name(PETSc.SNES.ConvergedReason, reason)}. {cause}"

@@ -129,7 +129,7 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
   if (data->stop == LATIN_STOP_RESIDUAL) {
     PetscCall(SNESLatinResidual_Private(snes));
     *measure = data->residual;
-    *target  = PetscMax(snes->abstol, snes->rtol * data->first_residual);
+    *target  = SNESLatinResidualTarget(snes);
   } else if (data->stop == LATIN_STOP_REFERENCE && data->done) *measure = data->error_l2[data->done - 1];
   else if (SNESLatinEstimates(data)) {
     if (!SNESLatinLarge(data) && (data->estimate.value <= data->target || data->estimate.rounding)) {
@@ -207,7 +207,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   else if (SNESLatinUnbalanceRounded(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
-  else if (SNESLatinLeft(data, PetscMax(snes->abstol, snes->rtol * data->first_residual), loads)) *next = LATIN_NEXT_ROUNDING;
+  else if (SNESLatinLeft(snes, loads)) *next = LATIN_NEXT_ROUNDING;
   else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }

@@ -269,10 +269,19 @@ static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
   return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
-/* Is the residual after the last check larger than this target, and than rounding makes it? Then another function has been set, with which the structure is not in balance */
-static inline PetscBool SNESLatinLeft(const SNES_Latin *data, PetscReal target, PetscReal loads)
+/* The residual to stop at, with that stop */
+static inline PetscReal SNESLatinResidualTarget(SNES snes)
 {
-  return (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && data->latin->sub.structure->rigid_law < 0 && !data->found.balanced && data->residual > PetscMax(target, data->found.rounding * loads));
+  return PetscMax(snes->abstol, snes->rtol * ((SNES_Latin *)snes->data)->first_residual);
+}
+
+/* Is the residual larger than this, and than rounding makes it? Statics without rigid links: then the SNES has another function, which the solution of the structure leaves */
+static inline PetscBool SNESLatinLeft(SNES snes, PetscReal loads)
+{
+  const SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+
+  return (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && structure->rigid_law < 0 && !structure->ground && !data->found.balanced && data->residual > PetscMax(SNESLatinResidualTarget(snes), data->found.rounding * loads));
 }
 
 #define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */

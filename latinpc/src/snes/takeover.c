@@ -50,7 +50,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
   shown                   = (PetscBool)((newton->stagnant || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
-  if (SNESLatinLeft(data, newton->residual, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
+  if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || rigid)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
@@ -119,7 +119,7 @@ static PetscErrorCode SNESLatinNewtonGoal_Private(SNES snes)
   newton->latin          = data->latin;
   newton->structure      = data->latin->sub.structure;
   newton->target         = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
-  newton->residual       = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->residual       = data->stop == LATIN_STOP_RESIDUAL ? SNESLatinResidualTarget(snes) : 0.0;
   newton->energy         = data->estimate.energy;
   newton->tension_target = SNESLatinTensionTarget(data);
   newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);

@@ -77,7 +77,7 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
 - room - length of cause, of which 600 characters are enough
 
   Output Parameter:
-. cause - sentences, without the number of the step and the reason of its SNES
+. cause - sentences, without the number of the step and the reason of its SNES; empty if the step has converged
 
   Level: intermediate
 
@@ -105,6 +105,7 @@ PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
   }
   PetscCall(LatinMasses_Private(step->base, nodes, node, &heavy, &contrast));
   cause[0] = 0;
+  if (snes->reason > 0) PetscFunctionReturn(0);
   if (jammed) {
     PetscCall(LatinListed_Private(links, jammed, link, sizeof(names), names));
     PetscCall(PetscSNPrintf(cause, room, "The gaps of the rigid link%s %s are incompatible: look at the supports that move", jammed > 1 ? "s" : "", names));
