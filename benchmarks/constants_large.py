@@ -36,10 +36,6 @@ LARGE = {
         "eps, of the energies of a link",
         "The mean of two tensions has no cancellation: without it a net at 1e-5 m/s fails.",
     ),
-    "LATIN_MIDPOINT_MOST": (
-        "trial lengths",
-        "A bound that no link meets: Newton's method takes 2 on average, 20 at most.",
-    ),
     "LATIN_LARGE_PENALTY_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
     "LATIN_LARGE_PENALTY_SLOW": (
         "ratio",
@@ -305,6 +301,5 @@ LARGE = {
         "Without it 3 of 1,160 small nets with inextensible cables are mechanisms; with 1 and 10 none,"
         " and as many stages.",
     ),
-    "LATIN_TURNING_MOST": ("trial lengths", "Ends a search that takes 3 to 8."),
     "LATIN_TURNING_OWN": ("of a unit vector", "Directions that differ by less differ by rounding."),
 }

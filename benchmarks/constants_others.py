@@ -135,9 +135,9 @@ OTHERS = {
     ),
     "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
-    "LATIN_LAW_STEPS": (
+    "LATIN_ROOT_MOST": (
         "steps",
-        "Newton's method inside a bracket that bisection halves: 200 halvings are more than any number has digits.",
+        "A bound that no link meets: Newton's method in a bracket takes 2 on average, 20 at most.",
     ),
     "LATIN_SEARCH_MOST": (
         "trial lengths",

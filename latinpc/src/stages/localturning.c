@@ -75,9 +75,10 @@ static void LatinTurningForce(const LatinSubdomains *sub, PetscBool midpoint, Pe
 static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, stiffness = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL], k = E * PetscSqr(part[LATIN_PART_SCALE]);
+  const PetscReal  R0  = sub->e0[l] / part[LATIN_PART_SCALE];
   const LatinLaw  *law = &LatinLaws[sub->law[l]];
 
-  r[0] = midpoint ? LatinMidpointKeep(law, stiffness, natural, k, w[0], sub->e0[l] / part[LATIN_PART_SCALE]) : LatinKeepLength(law, stiffness, natural, k, w[0]);
+  r[0] = LatinLawLength(law, stiffness, natural, k, w[0], midpoint ? &R0 : NULL, midpoint ? R0 : w[0] / k);
   for (PetscInt c = 1; c < dim; c++) r[c] = w[c] / (E * PetscSqr(part[LATIN_PART * c + LATIN_PART_SCALE]));
   LatinTurningForce(sub, midpoint, dim, l, r, f);
 }

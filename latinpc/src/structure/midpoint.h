@@ -20,7 +20,6 @@
 #include "structure/laws.h"
 
 #define LATIN_MIDPOINT_NOISE 16.0 /* times eps, of the energies: if the mean of both end tensions gives their difference to this rounding, it is taken as the mean tension, to avoid cancellation */
-#define LATIN_MIDPOINT_MOST  200  /* most iterations, a safeguard: Newton's method takes 2 on average, 20 at most */
 
 /* Mean tension between the strains x0 and x1; slope: its derivative with respect to x1 */
 static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal *slope)
@@ -45,14 +44,19 @@ static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, Pet
   return 2.0 * tension / S;
 }
 
-/* Local stage of a link of constant direction n: the component R of r0 + d along n, with x1 = x0 + 2 (R - R0) */
-static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, PetscReal R0)
+/*
+   Local stage of a link of constant direction: solves tau + k R = w for its length R, with tau = tension(R - natural), or in a time step, R0 not NULL,
+   the mean tension from R0 to 2 R - R0. Newton's method from R within a bracket, as the slope of the left side is at least k
+*/
+static inline PetscReal LatinLawLength(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, const PetscReal *R0, PetscReal R)
 {
-  PetscReal R = R0, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
+  PetscReal low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
 
-  for (PetscInt i = 0; i < LATIN_MIDPOINT_MOST; i++) {
-    PetscReal slope, next, g = LatinMidpointTension(law, stiffness, R0 - natural, 2.0 * R - R0 - natural, &slope) + k * R - w;
+  for (PetscInt i = 0; i < LATIN_ROOT_MOST; i++) {
+    PetscReal slope, next, g = k * R - w;
 
+    if (R0) g += LatinMidpointTension(law, stiffness, *R0 - natural, 2.0 * R - *R0 - natural, &slope);
+    else g += law->tension(stiffness, R - natural, law->ctx);
     if (g == 0.0) break;
     if (g > 0.0) {
       high = R;
@@ -61,7 +65,7 @@ static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffne
       low  = R;
       high = PetscMin(high, R - g / k);
     }
-    next = R - g / (2.0 * slope + k);
+    next = R - g / (k + (R0 ? 2.0 * slope : law->tangent(stiffness, R - natural, law->ctx)));
     if (PetscAbsReal(next - R) <= 2.0 * PETSC_MACHINE_EPSILON * PetscAbsReal(R)) return next;
     R = next > low && next < high ? next : 0.5 * (low + high);
   }
@@ -82,7 +86,7 @@ static inline PetscReal LatinMidpointSolve(const LatinMidpoint *link, PetscReal 
 {
   PetscReal low = 0.0, high = PETSC_MAX_REAL, R = link->R0, g = 0.0;
 
-  for (PetscInt i = 0; i < LATIN_MIDPOINT_MOST; i++) {
+  for (PetscInt i = 0; i < LATIN_ROOT_MOST; i++) {
     PetscReal size = 0.0, fall = 0.0, slope, next;
 
     g = LatinMidpointForce(link->law, link->stiffness, link->R0 - link->natural, R - link->natural, link->R0 + R, &slope);

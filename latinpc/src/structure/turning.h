@@ -21,35 +21,9 @@
 
 #include "structure/laws.h"
 
-#define LATIN_TURNING_MOST 200 /* most trial lengths, a safeguard: Newton's method takes 3 to 8 */
-
 /* Additional data of a part of a rotating link: k and L of its law, the scale sqrt(E_b / E) of the part, and 1 if the link has a fixed direction, else 0. A part along the
    unit vector b has the row sqrt(E_b / E) b of B: then all parts have one search parameter E, and the norm of a state is its energy */
 enum { LATIN_PART_STIFFNESS, LATIN_PART_NATURAL, LATIN_PART_SCALE, LATIN_PART_KEEPS, LATIN_PART };
-
-/* Solves tau(R - L) + k R = w for a link with the fixed direction n; R is the component of r along n, and the slope of the left side at least k. Newton's method within a bracket */
-static inline PetscReal LatinKeepLength(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w)
-{
-  PetscReal R = w / k, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
-
-  for (PetscInt i = 0; i < LATIN_TURNING_MOST; i++) {
-    const PetscReal g = law->tension(stiffness, R - natural, law->ctx) + k * R - w;
-    PetscReal       next;
-
-    if (g == 0.0) break;
-    if (g > 0.0) {
-      high = R;
-      low  = PetscMax(low, R - g / k);
-    } else {
-      low  = R;
-      high = PetscMin(high, R - g / k);
-    }
-    next = R - g / (law->tangent(stiffness, R - natural, law->ctx) + k);
-    if (PetscAbsReal(next - R) <= 2.0 * PETSC_MACHINE_EPSILON * PetscAbsReal(R)) return next;
-    R = next > low && next < high ? next : 0.5 * (low + high);
-  }
-  return R;
-}
 
 /* The equation for R of one link */
 typedef struct {
@@ -81,7 +55,7 @@ static inline PetscReal LatinTurnLength(const LatinTurn *turn)
   PetscReal low = 0.0, high = PETSC_MAX_REAL, R = PetscSqrtReal(PetscSqr(turn->along / turn->k) + PetscSqr(turn->across / turn->c)); /* initial guess: the length of a slack cable */
 
   if (!(R > 0.0)) R = PetscMax(turn->natural, 0.0);
-  for (PetscInt i = 0; i < LATIN_TURNING_MOST; i++) {
+  for (PetscInt i = 0; i < LATIN_ROOT_MOST; i++) {
     PetscReal slope, miss = LatinTurnMiss(turn, R, &slope), next;
 
     if (miss < 0.0) low = R;

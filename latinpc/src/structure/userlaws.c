@@ -1,11 +1,10 @@
+#include "structure/midpoint.h"
 #include "structure/structureimpl.h"
 
 /*
    Registered laws, in the same table as the built-in ones: piecewise linear laws from points, and functions of the user.
    For a law without a local stage, Newton's method solves it from the tension, a nondecreasing function of one variable.
 */
-
-#define LATIN_LAW_STEPS 200 /* most steps of Newton's method with bisection: more than the bits of a number */
 
 typedef struct {
   PetscInt   n;
@@ -69,29 +68,12 @@ static PetscReal LatinLawLocal_Table(PetscReal k, PetscReal e0, PetscReal y, voi
   return y - 2.0 * k * (x - e0);
 }
 
-/* Solves tension(x) + k x = y + k e0: the slope of the left side is at least k, which brackets the root */
-static PetscReal LatinLawLocal_Any(const LatinLaw *law, PetscReal k, PetscReal e0, PetscReal y)
-{
-  const PetscReal c = y + k * e0;
-  PetscReal       x = c / (2.0 * k), g = law->tension(k, x, law->ctx) + k * x - c, low = x - PetscAbsReal(g) / k, high = x + PetscAbsReal(g) / k;
-
-  for (PetscInt step = 0; step < LATIN_LAW_STEPS && g != 0.0; step++) {
-    PetscReal next;
-
-    if (g > 0.0) high = x;
-    else low = x;
-    next = x - g / (law->tangent(k, x, law->ctx) + k);
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    if (next == x) break;
-    x = next;
-    g = law->tension(k, x, law->ctx) + k * x - c;
-  }
-  return y - 2.0 * k * (x - e0);
-}
-
 PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 {
-  return LatinLaws[law].local ? LatinLaws[law].local(k, e0, y, LatinLaws[law].ctx) : LatinLawLocal_Any(&LatinLaws[law], k, e0, y);
+  const LatinLaw *own = &LatinLaws[law];
+  const PetscReal c   = y + k * e0;
+
+  return own->local ? own->local(k, e0, y, own->ctx) : y - 2.0 * k * (LatinLawLength(own, k, 0.0, k, c, NULL, 0.5 * c / k) - e0); /* the strain x with tension(x) + k x = c */
 }
 
 /*@C
