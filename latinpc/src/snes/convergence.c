@@ -268,10 +268,7 @@ static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
   *again = (PetscBool)(data->tested == linear->applications);
   if (*again) PetscFunctionReturn(0);
   data->tested = linear->applications;
-  if (data->first_distance < 0.0) {
-    data->first_distance = linear->distance;
-    if (data->guess && linear->indicator > 0.0) data->first_distance = PetscMax(linear->distance, linear->distance / linear->indicator); /* a good guess makes the first distance small: use the energy norm of the state */
-  }
+  if (data->first_distance < 0.0) data->first_distance = linear->distance;
   PetscFunctionReturn(0);
 }
 
