@@ -13,6 +13,7 @@ import os
 import runpy
 import sys
 import traceback
+import warnings
 from pathlib import Path
 
 import petsc4py
@@ -58,7 +59,8 @@ def run_script(path, words):
     petsc4py.init, sys.argv = init, [path, *words]
     sys.path.insert(0, str(Path(path).parent))
     try:
-        runpy.run_path(path, run_name="__main__")
+        with warnings.catch_warnings():  # what a script changes of them is its own
+            runpy.run_path(path, run_name="__main__")
     except SystemExit as ended:
         code = ended.code or 0
     finally:
