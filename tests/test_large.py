@@ -144,7 +144,7 @@ def test_von_mises_truss_above_its_limit_point(part):
     """No equilibrium follows: the reason says so, and the displacements are those of a load that it bears."""
     result = solve(von_mises(part * turning.von_mises_limit()))
     assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
-    assert 0.0 < -result.displacements[2, 1] < turning.von_mises_deflection(turning.von_mises_limit() * (1 - 1e-9))
+    assert 0.0 < -result.displacements[2, 1] < turning.von_mises_deflection(turning.von_mises_limit() * (1 - 1e-12))
 
 
 def test_a_user_may_choose_the_equilibrium_beyond_the_snap():
@@ -202,7 +202,7 @@ def test_a_straight_column_buckles(bars, critical):
     for part, holds in ((0.98, True), (1.02, False), (2.0, False)):
         result = latinpc.Structure(**column(bars, part * critical), geometry="large").solve(raise_on_failure=False)
         assert result.converged == holds
-        assert abs(result.displacements[:, 0]).max() < 1e-5  # rounding, next to the critical load
+        assert abs(result.displacements[:, 0]).max() < 2e-5  # rounding, next to the critical load
         if holds:
             continue
         text = next(text for text in result.notices if "buckles" in text)
@@ -355,7 +355,9 @@ def test_linear_stages_of_a_proved_error(name, most, renewals):
         ("tower", {}, 60, 2),
         ("bridge", {}, 60, 2),
         ("mast", {}, 25, 1),
-        ("mast", {"wind": 200.0}, 600, 21),
+        ("mast", {"wind": 200.0}, 400, 34),
+        ("tower", {"stages": 12}, 900, 100),
+        ("tower", {"stages": 40, "struts": 6}, 2500, 250),
     ],
 )
 def test_linear_stages_of_scenes(name, options, most, renewals):

@@ -342,7 +342,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const Lat
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
-  if (status->provisional) PetscFunctionReturn(0);
+  if (status->provisional || (status->mechanism && status->tried)) PetscFunctionReturn(0);
   PetscCall(LatinFactorCheck_Private(ksp, A, kept, whole, direct, larger, status));
   PetscFunctionReturn(0);
 }

@@ -31,6 +31,7 @@ typedef struct {
   PetscReal      softest;     /* Rayleigh quotient of the softest displacement, if it was computed; else 0 */
   Vec            mode;        /* displacement of zero energy, if there is a mechanism */
   PetscBool      provisional; /* input: linear stages will test the factor, and A may change then: no mode, no search for mechanisms */
+  PetscBool      tried;       /* input: a matrix that may not be positive definite, which is no error: no mode */
   PetscBool      staged;      /* input: linear stages will test the precision of a factor with Schur complement */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);

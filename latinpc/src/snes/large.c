@@ -14,7 +14,6 @@
 #define LATIN_LARGE_WINDOW     8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW       2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
 #define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
-#define LATIN_LARGE_LONG       20                            /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST       30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
 #define LATIN_LARGE_FIXED      5.0                           /* the same of a set-up that takes no operations */
 #define LATIN_LARGE_RATE       0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
@@ -166,6 +165,26 @@ PetscErrorCode SNESLatinLargeState_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Operators at the displacements in the solution vector. Whether a tangent stiffness that is not positive definite in a subdomain is so in the structure Newton's method shows. Collective on snes */
+static PetscErrorCode LatinLargeOperators_Private(SNES snes, LatinFrameType type)
+{
+  LatinStructure frame = ((SNES_Latin *)snes->data)->large.frame;
+  PetscErrorCode ierr  = PETSC_ERR_MAT_CH_ZRPVT; /* on all ranks or on none */
+
+  PetscFunctionBegin;
+  if (type == LATIN_FRAME_TANGENT) {
+    PetscCall(LatinFrameRenew_Private(frame, snes->vec_sol, type));
+    PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+    ierr = SNESLatinSetUpState_Private(snes);
+    PetscCall(PetscPopErrorHandler());
+    if (ierr != PETSC_ERR_MAT_CH_ZRPVT) PetscCall(ierr);
+  }
+  if (!ierr) PetscFunctionReturn(0);
+  PetscCall(LatinFrameRenew_Private(frame, snes->vec_sol, type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FIRM : type));
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscFunctionReturn(0);
+}
+
 /* Operators at the displacements in the solution vector, and unless they are for Newton's method the state of these. Collective on snes */
 PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 {
@@ -173,8 +192,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   PetscInt    applications = data->latin->linear.applications, grows = SNESLatinLargeProves(data) ? LATIN_LARGE_GROW : LATIN_LARGE_GROW * LATIN_LARGE_GROW; /* the iteration ends by itself */
 
   PetscFunctionBegin;
-  PetscCall(LatinFrameRenew_Private(data->large.frame, snes->vec_sol, type));
-  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(LatinLargeOperators_Private(snes, type));
   PetscCall(SNESLatinCopyReference_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
@@ -275,12 +293,6 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* Linear stages that Newton's method may take with the operators there are */
-static PetscInt LatinLargeMost(const LatinLarge *large)
-{
-  return large->frame->turns->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
-}
-
 /*
    Does Newton's method stagnate? After set-up k neither the unbalanced forces nor the links that change are half of what they were some set-ups
    before; `least` has the least of both so far. Not collective
@@ -314,7 +326,7 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
 }
 
 /*
-   Newton's method, at most so many times with operators of the tangent stiffness. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
+   Newton's method, at most so many times with operators of the tangent stiffness, each as long as it takes no more than new ones. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
    measures the error there. Collective on snes
 */
 static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool measures, PetscReal left, PetscBool *done)
@@ -327,7 +339,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
   PetscFunctionBegin;
   for (PetscInt k = 0; k < times && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-    PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
+    PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
     if (*done || !near) continue;
     if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
@@ -343,7 +355,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
 
 /*
    Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
-   there are; when it has taken long, with new ones, so many times. Near the solution its first step shows how far the iteration was from it; where a front of
+   there are; when it has taken as long as a set-up, with new ones, so many times. Near the solution its first step shows how far the iteration was from it; where a front of
    cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, or after the iteration where
    its steps have led that became smaller, and the operators are for an iteration from there. Collective on snes
 */
@@ -365,7 +377,7 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
   measures    = large->slow;
-  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
+  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
   PetscCall(LatinLargeTangents_Private(snes, u, times, near, measures, left, done));
   structure->ahead = structure->strain = NULL;
   large->changed                       = 0;

@@ -30,6 +30,7 @@ typedef struct {
   PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
   PetscReal      times;        /* the loads act */
   PetscInt       most;         /* steps */
+  PetscBool      tried;        /* heavier loads have been */
 } LatinDescent;
 
 /* Weights of the displacements of each node, the mean stiffness, the size. Collective on descent->structure */
@@ -165,8 +166,8 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
 }
 
 /*
-   Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, the heaviest ones are tried, and lighter ones where these
-   lead away; from what is found they fall. *reason: of the last descent. Collective on snes
+   Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, heavier ones are tried, if any, the heaviest first, and lighter ones
+   where these lead away; from what is found they fall. *reason: of the last descent. Collective on snes
 */
 static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
 {
@@ -180,6 +181,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   descent->times = 1.0;
   descent->most  = LATIN_DESCENT_SOON;
   while (!done) {
+    if (!first) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
@@ -190,7 +192,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
       *reason = TAO_CONVERGED_USER;
       break;
     }
-    done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS : descent->times == 1.0 || (falls && *reason < 0));
+    done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS || heaviest <= 1.0 : descent->times == 1.0 || (falls && *reason < 0));
     if (*reason > 0) falls = PETSC_TRUE;
     else PetscCall(VecCopy(start, x));
     descent->times = PetscMax(1.0, first ? heaviest : descent->times / LATIN_DESCENT_LIGHTER);
@@ -201,8 +203,8 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscFunctionReturn(0);
 }
 
-/* From u down to a state in balance under the load, if *rests; else u stays. Collective on snes */
-PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec u, PetscBool *rests)
+/* From u down to a state in balance under the load, if *rests; else u stays. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
+PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   LatinDescent       descent = {.structure = ((SNES_Latin *)snes->data)->large.frame->turns, .load = load};
   PetscReal          loads;
@@ -220,9 +222,10 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec u, PetscBo
   PetscCall(VecNorm(x, NORM_2, &loads));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));
   PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
-  PetscCall(LatinDescentRun_Private(snes, tao, &descent, loads > 0.0 ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
+  PetscCall(LatinDescentRun_Private(snes, tao, &descent, *heavier && loads > 0.0 ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
   PetscCall(VecPointwiseMult(u, descent.weight, x));
   *rests = (PetscBool)(reason > 0);
+  if (descent.tried) *heavier = PETSC_FALSE;
   PetscCall(TaoDestroy(&tao));
   PetscCall(VecDestroy(&x));
   PetscCall(VecDestroy(&descent.u));

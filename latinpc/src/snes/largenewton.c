@@ -21,7 +21,10 @@
 #define LATIN_LARGE_STEPS   50   /* most steps */
 #define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, and one for each link that has changed, or twice the digits: a soft field shows late; a tower claimed a fiftieth of its error, a net in the wind a four-hundredth */
 #define LATIN_LARGE_CHANGES 100  /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
+#define LATIN_LARGE_LONG    20   /* iterations with one set of operators, in time steps as many as a set-up takes: a linear solve that is cut after 5 fails with weak interfaces */
+#define LATIN_LARGE_STALE   0.5  /* on a path, iterations after which new operators are made, relative to a set-up: they make steps more exact as well. With 1 twice the iterations, with 0.25 twice the set-ups, in the same time */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
+#define LATIN_LARGE_FINER   0.1  /* times that far from the solution: next to a limit point soft displacements are lost else */
 #define LATIN_LARGE_STEP    2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
 #define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
@@ -68,7 +71,7 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
   if (!it) large->first = rnorm;
   if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (rnorm <= (near && it < LATIN_LARGE_LEAST + large->changed ? rtol : 1.0) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
+  else if (rnorm <= (near && it < LATIN_LARGE_LEAST + large->changed ? rtol : near ? 1.0 : LATIN_LARGE_FINER) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
   else if (it >= large->limit) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
@@ -380,13 +383,14 @@ static PetscErrorCode LatinLargeCopies_Private(Latin latin, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* From the displacements in the solution vector to the solution, whose error is proved: then *done. `most`: linear iterations that it may take. Collective on snes */
-PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool *done)
+/* From the displacements in the solution vector to the solution, whose error is proved, unless linear iterations take longer than new operators are worth: then *done. Collective on snes */
+PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 {
   SNES_Latin         *data  = (SNES_Latin *)snes->data;
   LatinLarge         *large = &data->large;
   SNESConvergedReason reason;
   KSPConvergedReason  linear;
+  const PetscInt      longest = large->frame->turns->midpoint ? (PetscInt)large->cost : LATIN_LARGE_LONG;
   PetscInt            steps, stages;
   PetscReal           prescribed;
   KSP                 ksp;
@@ -396,8 +400,9 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->error         = 1.0;
   large->first_step[0] = large->first_step[1] = 1.0;
   large->force                                = PETSC_MAX_REAL;
-  large->most = large->limit = PetscMin(most, SNESLatinStagesLeft(snes));
-  large->proofs              = 0;
+  large->limit                                = PetscMin(longest, SNESLatinStagesLeft(snes));
+  large->most                                 = large->frame->turns->midpoint || large->frame->turns->strain ? large->limit : PetscMin(large->limit, (PetscInt)(LATIN_LARGE_STALE * large->cost));
+  large->proofs                               = 0;
   large->changed = large->softer = 0;
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));

@@ -90,3 +90,16 @@ PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
   PetscCall(VecPointwiseMult(f, f, left));
   PetscFunctionReturn(0);
 }
+
+/* Can any link bear compression? Collective on structure */
+PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts)
+{
+  PetscMPIInt any = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE && !LatinStructureKeeps(structure, l)) any = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  *struts = (PetscBool)any;
+  PetscFunctionReturn(0);
+}

@@ -16,7 +16,8 @@
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
-   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. Where one
+   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. That is no
+   excuse where the path has softened, as before a limit point, and the increment moves the structure far. Where a cable
    slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than four times only
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
@@ -24,6 +25,8 @@
 #define LATIN_PATH_SOFT        4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
 #define LATIN_PATH_KINK        1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS    1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
+#define LATIN_PATH_SOFTENED    10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
+#define LATIN_PATH_JUMP        0.1  /* times the displacements so far: there such an increment may move the structure no further */
 #define LATIN_PATH_CURVE       3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_CORRECTED   30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 #define LATIN_PATH_LEAST       1e-4 /* increments of the loads: smaller ones show a limit point */
@@ -34,19 +37,6 @@
 #define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
 
-/* Can any link bear compression? Collective on structure */
-static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts)
-{
-  PetscMPIInt any = 0;
-
-  PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE && !LatinStructureKeeps(structure, l)) any = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *struts = (PetscBool)any;
-  PetscFunctionReturn(0);
-}
-
 /* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL; it is too far to be sought */
 typedef struct {
   PetscReal part;
@@ -54,13 +44,13 @@ typedef struct {
   PetscBool passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
 typedef struct {
   Vec             first, whole, u, ahead, back, more, step;
-  PetscReal       far; /* l2 norm of ahead */
+  PetscReal       far, firm; /* l2 norm of ahead, the least one of all equilibria so far */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
-  PetscBool       kinks;
+  PetscBool       kinks, heavier;
 } LatinPath;
 
 /* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
@@ -150,7 +140,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   PetscCall(LatinPathLoad_Private(snes, path, part));
   PetscCall(VecCopy(path->whole, path->step));
   PetscCall(VecScale(path->step, part));
-  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, path->u, starts));
+  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, &path->heavier, path->u, starts));
   if (*starts) {
     PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
     *starts = LatinNextConverged(data->next);
@@ -219,7 +209,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   *lies    = within;
   *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;
-  if (within && more > LATIN_PATH_STIFFENS) {
+  if (within && (more > LATIN_PATH_STIFFENS || (path->far > LATIN_PATH_SOFTENED * path->firm && step > LATIN_PATH_JUMP * size))) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
     if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* none so small that it may stiffen as it will */
@@ -344,7 +334,8 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   if (!found) PetscFunctionReturn(0);
   PetscCall(VecCopy(target->u, path->u));
   PetscCall(VecCopy(path->back, path->ahead));
-  path->far = back;
+  path->far  = back;
+  path->firm = PetscMin(path->firm, back);
   PetscFunctionReturn(0);
 }
 
@@ -389,6 +380,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
 
   PetscFunctionBegin;
   if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
+  path->firm = path->far;
   LatinPathCloser(path, 1.0);
   while (from && path->targets && SNESLatinStagesLeft(snes) > 0) {
     while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
@@ -481,7 +473,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     PetscFunctionReturn(0);
   }
   for (PetscInt i = 0; i < 7; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL};
+  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
   if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR; /* along the path, which Newton's method follows */
   ierr = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);

@@ -334,7 +334,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, P
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 /* from displacements that are given (snes/largefrom.c) */
-#define LATIN_PATH_TANGENTS 4 /* times that Newton's method gets operators of the tangent stiffness in one increment */
+#define LATIN_PATH_TANGENTS 20 /* times that Newton's method gets operators of the tangent stiffness in one increment: with 8 paths take half as long again */
 PETSC_INTERN PetscErrorCode SNESLatinLargeProof_Private(SNES, Vec u, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeStep_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeStop_Private(SNES, LatinStopType);
@@ -344,9 +344,10 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool ne
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec f);
+PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, Vec u, PetscBool *rests); /* snes/largedescent.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
 /* supports that move (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
 PETSC_INTERN PetscErrorCode SNESLatinSupportsAt_Private(SNES, PetscReal part);
@@ -364,7 +365,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, Vec step, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeClaim_Private(SNES, PetscReal, LatinNext);
-PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
+PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);
 /* snes/options.c */
 PETSC_INTERN PetscErrorCode SNESLatinCheck_Private(SNES);

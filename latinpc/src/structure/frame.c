@@ -98,13 +98,15 @@ typedef struct {
   PetscReal across, k; /* tension over length, or with a fixed direction 1 if taut, else 0; tangent stiffness of its law */
 } LatinFrameLink;
 
-/* The search direction (k, c) of link l from its tangent stiffness: positive, and except in compression at least that of slack cables */
-static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscReal mean, PetscReal *k, PetscReal *c)
+/* The tangent stiffness (k, c) of link l; that of slack cables is the least but for c < 0 in compression, which is 0 if firm, and in time steps, where masses hold */
+static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscBool firm, PetscReal mean, PetscReal *k, PetscReal *c)
 {
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
 
   *k = PetscMax(link->k, least);
-  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(frame->turns->slope || frame->turns->midpoint ? PETSC_MAX_REAL : *k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
+  if (LatinStructureKeeps(frame->turns, l)) *c = floor;
+  else if (link->k > 0.0 && link->across < 0.0) *c = firm || frame->turns->midpoint ? floor : link->across;
+  else *c = PetscMin(frame->turns->slope || frame->turns->midpoint ? PETSC_MAX_REAL : *k, PetscMax(least, link->across));
 }
 
 /* The search direction (k, c) of link l */
@@ -114,8 +116,8 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
   const PetscReal whole = LatinFrameStiffness(frame, l), low = PetscMin(LATIN_FRAME_SLACK * mean, whole);
   const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && link->across <= LATIN_FRAME_NEAR * mean);
 
-  if (type == LATIN_FRAME_TANGENT) {
-    LatinFrameTangent(frame, l, link, mean, k, c);
+  if (type >= LATIN_FRAME_TANGENT) {
+    LatinFrameTangent(frame, l, link, (PetscBool)(type == LATIN_FRAME_FIRM), mean, k, c);
     return;
   }
   *k = frame->turns->midpoint ? PetscMax(link->k, low) : whole;
@@ -217,17 +219,17 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   for (PetscInt l = 0; l < m && base->midpoint && a; l++) LatinFrameMean(base, l, a, link + l);
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
-  frame->made = type;
+  frame->made = PetscMin(type, LATIN_FRAME_TANGENT);
   for (PetscInt i = 0; i < dim * m; i++) {
     const PetscInt l    = i / dim;
     PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c;
 
     LatinFrameDirection(frame, l, link + l, type, &sum, &k, &c);
     part[LATIN_PART_STIFFNESS] = LatinFrameStiffness(frame, l);
-    part[LATIN_PART_SCALE]     = PetscSqrtReal((i % dim ? c : k) / most);
+    part[LATIN_PART_SCALE]     = PetscSqrtReal(PetscAbsReal(i % dim ? c : k) / most);
     for (PetscInt d = 0; d < dim; d++) row[d] *= part[LATIN_PART_SCALE];
     frame->law[i]       = LatinFrameLaw(frame, l);
-    frame->stiffness[i] = most;
+    frame->stiffness[i] = i % dim && c < 0.0 ? -most : most;
   }
   LatinFrameLengths(frame);
   PetscCall(PetscFree(link));

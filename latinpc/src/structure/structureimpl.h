@@ -22,7 +22,8 @@
 typedef enum {
   LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
   LATIN_FRAME_PRESENT, /* at displacements, modified for cables that may slacken or tighten */
-  LATIN_FRAME_TANGENT  /* at displacements: the tangent stiffness, for Newton's method */
+  LATIN_FRAME_TANGENT, /* at displacements: the tangent stiffness, for Newton's method */
+  LATIN_FRAME_FIRM     /* the same without what links in compression take from it, where it is not positive definite */
 } LatinFrameType;
 
 struct _p_LatinStructure {
