@@ -127,7 +127,19 @@ def test_nodes_without_mass_that_nothing_holds_are_named():
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_command_moves_and_writes_everything(tmp_path, ranks):
-    files = ["--json", "r.json", "--output", "r.pvd", "--picture", "r.gif", "--output-every", 2]
+    files = [
+        "--json",
+        "r.json",
+        "--output",
+        "r.pvd",
+        "--picture",
+        "r.gif",
+        "--output-every",
+        2,
+        "--csv",
+        "m.csv",
+        "n.csv",
+    ]
     scene = ["impact-tower", "--levels", 6, "--subdomains", 3, "--num-steps", 5]
     result = latinpc("solve", *scene, *files, cwd=tmp_path, ranks=ranks)
     for word in (
@@ -147,6 +159,26 @@ def test_command_moves_and_writes_everything(tmp_path, ranks):
     assert mesh.point_data["velocity"][:, 2].min() == pytest.approx(-5.0, rel=1e-3)
     assert set(mesh.cell_data) >= {"tension", "slack"} and "displacement" in mesh.point_data
     assert Image.open(tmp_path / "r.gif").n_frames == 4
+    members, nodes = (np.genfromtxt(tmp_path / name, delimiter=",", names=True) for name in ("m.csv", "n.csv"))
+    last = nodes[nodes["time"] == nodes["time"].max()]
+    assert list(np.unique(members["step"])) == list(np.unique(nodes["step"])) == [0, 2, 4, 5]
+    assert last["displacement_z"] == pytest.approx(mesh.point_data["displacement"][:, 2])
+    assert last["velocity_z"] == pytest.approx(mesh.point_data["velocity"][:, 2])
+    assert members["tension"][-len(members) // 4 :] == pytest.approx(mesh.cell_data["tension"][0])
+
+
+def test_a_motion_of_a_file_has_its_names_in_tables(tmp_path):
+    """The tables of links and nodes begin with the state; what repeats is that of statics."""
+    scene = read(tmp_path, TOML)
+    moved, still = move(scene, 4, 1e-3, mass=1.0, every=2), scene.solve()
+    for table, other in ((moved.members, still.members), (moved.nodes, still.nodes)):
+        shared = [name for name in table.dtype.names if name in other.dtype.names and name not in ("tension", "slack")]
+        shared = [name for name in shared if not name.startswith("displacement")]
+        assert {"name", "group"} <= set(shared) and table.dtype.names[:2] == ("step", "time")
+        for state in np.split(table, len(moved.frames)):
+            assert all((state[name] == other[name]).all() for name in shared)
+    moved.to_csv(tmp_path / "m.csv")
+    assert (tmp_path / "m.csv").read_text().startswith("step,time,link,start,end,name,")
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,9 @@ RUN = (
 @click.option(
     "--amplify", type=float, metavar="X", help="Amplification of displacements in pictures. Default: automatic."
 )
-@click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
+@click.option(
+    "--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files; of a motion, over time."
+)
 @click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Also print subdomains, norms, PETSc's types and reasons.")
@@ -84,8 +86,6 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
     run = {name: options.pop(name) for name in RUN}
     _check(**run)
     moves = run["num_steps"] is not None
-    if csv and moves:
-        raise ValueError("--csv is for statics: leave out --num-steps")
     run["options"] = None if preset is None else on_root(comm, preset_options, preset)
     keeper = _keeper(comm, run)
     if html is not None and moves:
@@ -101,7 +101,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
     with progress(comm, quiet or monitored) as say:
         if moves:
-            result = _move(scene, count, run, say, (output, picture), keeper)
+            result = _move(scene, count, run, say, (output, picture, *(csv or ())), keeper)
         else:
             with _mechanism_drawn(comm, scene, picture):
                 result = _solve(scene, count, run, say, keeper)
@@ -226,7 +226,7 @@ def _iterating(snes):
 
 def _move(scene, subdomains, run, say, files, keeper):
     """Make the time steps; show them; collective."""
-    films = any(str(path).lower().endswith((".pvd", ".gif")) for path in files if path is not None)
+    films = any(str(path).lower().endswith((".pvd", ".gif", ".csv")) for path in files if path is not None)
 
     def monitor(step, time):
         say(f"{scene.name}: step {step} of {run['num_steps']}, {time:.4g} s")
@@ -274,6 +274,8 @@ def _write_motion(result, files, amplify):
     elif output is not None:
         arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
         write_vtu(output, result.scene, *arrays)
+    if files["members"] is not None:
+        result.to_csv(files["members"], files["nodes"])
     if picture is not None and str(picture).lower().endswith(".gif"):
         from latinpc.results.film import draw_motion
 

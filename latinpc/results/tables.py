@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .atomic import atomic
-from .mechanics import stretches
+from .mechanics import slack, stretches
 
 if TYPE_CHECKING:
+    from latinpc.runs.motion import Motion
     from latinpc.structure import Structure
 
     from .result import Result
@@ -51,6 +52,31 @@ def nodes(result: Result) -> np.ndarray:
         columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
     columns["supported"] = structure.fixed.any(axis=1)
     return table(columns | node_columns(structure))
+
+
+def motion_members(motion: Motion) -> np.ndarray:
+    """Return a row per link and state of a motion, in the order of time; see `latinpc.runs.motion.Motion.members`."""
+    links = motion.scene.links
+    tensions = np.array([frame.tensions for frame in motion.frames])
+    columns = {"link": np.arange(len(links)), "start": links[:, 0], "end": links[:, 1]} | link_columns(motion.scene)
+    return _over_time(motion, columns, {"tension": tensions, "slack": slack(motion.scene, tensions)})
+
+
+def motion_nodes(motion: Motion) -> np.ndarray:
+    """Return a row per node and state of a motion, in the order of time; see `latinpc.runs.motion.Motion.nodes`."""
+    found = {}
+    for prefix, name in (("displacement", "displacements"), ("velocity", "velocities")):
+        states = np.array([getattr(frame, name) for frame in motion.frames])
+        found |= {f"{prefix}_{axis}": column for axis, column in zip(AXES, np.moveaxis(states, 2, 0))}
+    return _over_time(motion, {"node": np.arange(len(motion.scene.nodes))} | node_columns(motion.scene), found)
+
+
+def _over_time(motion: Motion, columns: dict[str, np.ndarray], found: dict[str, np.ndarray]) -> np.ndarray:
+    """Make a table of step and time of each state, of columns that repeat, and of arrays (states, rows)."""
+    rows = len(next(iter(columns.values())))
+    state = {name: np.repeat([getattr(frame, name) for frame in motion.frames], rows) for name in ("step", "time")}
+    again = {name: np.tile(column, len(motion.frames)) for name, column in columns.items()}
+    return table(state | again | {name: array.ravel() for name, array in found.items()})
 
 
 def node_columns(structure: Structure, nodes: np.ndarray | None = None) -> dict[str, np.ndarray]:

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from latinpc import solvers
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, unknown_options
+from latinpc.results import tables
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import SolveError, errors_as_given
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
@@ -55,6 +56,28 @@ class Motion:
     def converged(self):
         """Whether all steps have converged."""
         return self.report["converged"]
+
+    @property
+    def members(self):
+        """Links over time, a structured array: step, time (s), link, start, end, tension (N), slack; names and groups.
+
+        A row for each link of each frame; ends, names and groups as in `latinpc.Result.members`.
+        """
+        return tables.motion_members(self)
+
+    @property
+    def nodes(self):
+        """Nodes over time, a structured array: step, time (s), node, displacement_x ... (m), velocity_x ... (m/s).
+
+        A row for each node of each frame; names and groups as in `latinpc.Result.nodes`.
+        """
+        return tables.motion_nodes(self)
+
+    def to_csv(self, members, nodes=None):
+        """Write `members`, and `nodes` where a file for them is named, into CSV files; call it on one rank."""
+        tables.write_csv(members, self.members)
+        if nodes is not None:
+            tables.write_csv(nodes, self.nodes)
 
 
 def move(
