@@ -114,6 +114,8 @@ static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, Pe
   PetscReal moved, size, prescribed;
 
   PetscFunctionBegin;
+  PetscCall(VecCopy(path->u, snes->vec_sol));
+  if (((SNES_Latin *)snes->data)->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
   PetscCall(LatinPathStable_Private(snes, path, path->u, held));
   if (!*held) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
@@ -145,7 +147,6 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
     PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
     *starts = LatinNextConverged(data->next);
     PetscCall(VecCopy(snes->vec_sol, path->u));
-    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* far from where operators were made rounding would hide soft modes */
   }
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
   if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
