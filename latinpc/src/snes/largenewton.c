@@ -24,7 +24,7 @@
 #define LATIN_LARGE_LONG    20   /* iterations with one set of operators, in time steps as many as a set-up takes: a linear solve that is cut after 5 fails with weak interfaces */
 #define LATIN_LARGE_STALE   0.5  /* on a path, iterations after which new operators are made, relative to a set-up: they make steps more exact as well. With 1 twice the iterations, with 0.25 twice the set-ups, in the same time */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
-#define LATIN_LARGE_FINER   0.1  /* times that far from the solution: next to a limit point soft displacements are lost else */
+#define LATIN_LARGE_FINER   0.1  /* times that along a path, far from the solution: next to a limit point soft displacements are lost else */
 #define LATIN_LARGE_STEP    2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
 #define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
@@ -64,14 +64,15 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
 {
   LatinLarge     *large = (LatinLarge *)ctx;
   const PetscBool near  = (PetscBool)(large->frame->turns->hold <= LATIN_LARGE_HOLD * large->near);
-  PetscReal       rtol;
+  PetscReal       rtol, part = near || large->frame->turns->midpoint ? 1.0 : LATIN_LARGE_FINER;
 
   PetscFunctionBegin;
   *reason = KSP_CONVERGED_ITERATING;
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  if (near && it < LATIN_LARGE_LEAST + large->changed) part = rtol;
   if (!it) large->first = rnorm;
   if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (rnorm <= (near && it < LATIN_LARGE_LEAST + large->changed ? rtol : near ? 1.0 : LATIN_LARGE_FINER) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
+  else if (rnorm <= part * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
   else if (it >= large->limit) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }

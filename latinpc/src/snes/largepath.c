@@ -16,8 +16,8 @@
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
-   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. That is no
-   excuse where the path has softened, as before a limit point, and the increment moves the structure far. Where a cable
+   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. But not
+   where the path has softened, as before a limit point, and a small one moves the structure far. Where a cable
    slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than four times only
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
