@@ -175,7 +175,6 @@ def test_command_line(tmp_path):
     ("words", "said"),
     [
         (["network", "--csv", "m.txt", "n.csv"], "m.txt"),
-        (["impact-tower", "--levels", "2", "--num-steps", "2", "--csv", "m.csv", "n.csv"], "--csv is for statics"),
     ],
 )
 def test_command_line_refuses(words, said, tmp_path):
