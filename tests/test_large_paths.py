@@ -245,3 +245,23 @@ def test_a_chain_of_bars_hangs_as_one_of_cables(straight):
     far = np.abs(bars.displacements - cables.displacements).max()
     assert far < 1e-7 * np.abs(cables.displacements).max()
     assert np.abs(bars.tensions - cables.tensions).max() < 1e-7 * cables.tensions.max()
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning", "ignore::latinpc.ConvergenceWarning")
+def test_a_limit_point_beside_another_branch_is_that_of_small_increments():
+    """Another equilibrium bears all loads of this tower; from zero none leads there: the path ends at 0.405 of them."""
+    random = np.random.default_rng(132)
+    tower = make("tower", stages=12, prestress=12e3, load=227.6, wind=153.4, torque=807.0)
+    tower = replace(tower, load=tower.load * (1.0 + 0.3 * random.standard_normal(tower.load.shape)))
+    at_once = tower.solve()
+    net = latinpc.Structure.from_scene(tower)
+    snes, u = net.create_snes(), net.create_vec()
+    latinpc.set_warm_start(snes, "last")
+    for part in np.arange(1, 251) / 250.0:
+        net.set_load(part * tower.load)
+        snes.solve(None, u)
+        if snes.getConvergedReason() < 0:
+            break
+    assert at_once.converged == (snes.getConvergedReason() > 0)
+    assert at_once.report["load_factor"] == pytest.approx(part * latinpc.path(snes)["borne"], abs=1e-3)
+    assert np.linalg.norm(at_once.displacements) == pytest.approx(u.norm(), rel=1e-2)
