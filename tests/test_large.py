@@ -362,7 +362,7 @@ def test_linear_stages_of_a_proved_error(name, most, renewals):
     ],
 )
 def test_linear_stages_of_scenes(name, options, most, renewals):
-    """In one increment; guys that slacken halve the stiffness of a mast, in the wind a front of them creeps over."""
+    """Guys that slacken halve the stiffness of a mast; a front of them creeps over it; towers take increments."""
     s = latinpc.Structure.from_scene(make(name, **options))
     snes, u = s.create_snes(), s.create_vec()
     snes.solve(None, u)

@@ -188,7 +188,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* PCGAMG would replace the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_TRUE));
-  coarse->status.tried = LatinSubdomainsTangent(coarse->sub);
+  coarse->status.tried = LatinSubdomainsTried(coarse->sub);
   if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* no rows if each connected component is one group */
   PetscCall(VecDestroy(&coarse->whole));
   PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_FALSE));

@@ -210,7 +210,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   solvers->status.staged = (PetscBool)!solvers->keeps;
-  solvers->status.tried  = LatinSubdomainsTangent(solvers->sub);
+  solvers->status.tried  = LatinSubdomainsTried(solvers->sub);
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
     const PetscBool tangent = LatinSubdomainsTangent(solvers->sub), larger = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
     LatinArithmetic serves = LATIN_SINGLE; /* precision of a preconditioner of Newton's method */

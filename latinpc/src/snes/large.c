@@ -165,7 +165,7 @@ PetscErrorCode SNESLatinLargeState_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Operators at the displacements in the solution vector. Whether a tangent stiffness that is not positive definite in a subdomain is so in the structure Newton's method shows. Collective on snes */
+/* Operators at the displacements in the solution vector. A tangent stiffness that is not positive definite in a subdomain may be so in the structure: Newton's method shows it. Collective on snes */
 static PetscErrorCode LatinLargeOperators_Private(SNES snes, LatinFrameType type)
 {
   LatinStructure frame = ((SNES_Latin *)snes->data)->large.frame;
@@ -375,7 +375,7 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   if (near) PetscCall(LatinLargeForces_Private(snes, u, &left));
   PetscCall(SNESLatinLargeAhead_Private(snes, near));
   *done       = PETSC_FALSE;
-  large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
+  large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made < LATIN_FRAME_TANGENT);
   measures    = large->slow;
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
   PetscCall(LatinLargeTangents_Private(snes, u, times, near, measures, left, done));

@@ -22,7 +22,7 @@
 #define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, and one for each link that has changed, or twice the digits: a soft field shows late; a tower claimed a fiftieth of its error, a net in the wind a four-hundredth */
 #define LATIN_LARGE_CHANGES 100  /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
 #define LATIN_LARGE_LONG    20   /* iterations with one set of operators, in time steps as many as a set-up takes: a linear solve that is cut after 5 fails with weak interfaces */
-#define LATIN_LARGE_STALE   0.5  /* on a path, iterations after which new operators are made, relative to a set-up: they make steps more exact as well. With 1 twice the iterations, with 0.25 twice the set-ups, in the same time */
+#define LATIN_LARGE_STALE   0.5  /* on a path, iterations after which new operators are made, relative to a set-up: with 0.25 half of the iterations and twice the set-ups, in the same time */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
 #define LATIN_LARGE_FINER   0.1  /* times that along a path, far from the solution: next to a limit point soft displacements are lost else */
 #define LATIN_LARGE_STEP    2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */

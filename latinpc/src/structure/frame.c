@@ -98,7 +98,7 @@ typedef struct {
   PetscReal across, k; /* tension over length, or with a fixed direction 1 if taut, else 0; tangent stiffness of its law */
 } LatinFrameLink;
 
-/* The tangent stiffness (k, c) of link l; that of slack cables is the least but for c < 0 in compression, which is 0 if firm, and in time steps, where masses hold */
+/* The tangent stiffness (k, c) of link l. Slack cables have the least one, positive; c < 0 in compression, but not if firm, nor in time steps, where masses hold */
 static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscBool firm, PetscReal mean, PetscReal *k, PetscReal *c)
 {
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
@@ -219,7 +219,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   for (PetscInt l = 0; l < m && base->midpoint && a; l++) LatinFrameMean(base, l, a, link + l);
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
-  frame->made = PetscMin(type, LATIN_FRAME_TANGENT);
+  frame->made = type;
   for (PetscInt i = 0; i < dim * m; i++) {
     const PetscInt l    = i / dim;
     PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c;

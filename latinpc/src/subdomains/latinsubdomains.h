@@ -92,6 +92,12 @@ typedef struct {
 /* Are the operators tangent stiffnesses of links with large rotations, which precondition Newton's method? */
 static inline PetscBool LatinSubdomainsTangent(const LatinSubdomains *sub)
 {
+  return (PetscBool)(sub->part && sub->structure->made >= LATIN_FRAME_TANGENT);
+}
+
+/* May these not be positive definite? Then others are made */
+static inline PetscBool LatinSubdomainsTried(const LatinSubdomains *sub)
+{
   return (PetscBool)(sub->part && sub->structure->made == LATIN_FRAME_TANGENT);
 }
 
