@@ -13,7 +13,7 @@
 #define LATIN_LARGE_FAR        0.01                          /* where it has failed it is tried again when the error is so much smaller */
 #define LATIN_LARGE_WINDOW     8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW       2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
+#define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: it needs 1 to 30 */
 #define LATIN_LARGE_COST       30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
 #define LATIN_LARGE_FIXED      5.0                           /* the same of a set-up that takes no operations */
 #define LATIN_LARGE_RATE       0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
@@ -21,6 +21,7 @@
 #define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
 #define LATIN_LARGE_PATIENCE   500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
 #define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
+#define LATIN_LARGE_CREEPS     0.9 /* of the unbalanced forces then: along a path, where the solution may be far and links that change are not counted */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -294,20 +295,21 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 }
 
 /*
-   Does Newton's method stagnate? After set-up k neither the unbalanced forces nor the links that change are half of what they were some set-ups
-   before; `least` has the least of both so far. Not collective
+   Does Newton's method stagnate? After set-up k neither the unbalanced forces nor the links that change are so much smaller than some set-ups before; `least` has the least of both so far. Not collective
 */
 static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[][2])
 {
   const PetscReal now[2] = {PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force, (PetscReal)large->changed}, enough[2] = {large->balance, 0.0};
+  const PetscBool near      = (PetscBool) !!large->frame->turns->strain;
+  const PetscReal part      = near || large->frame->turns->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
   PetscBool       stagnates = PETSC_TRUE;
 
-  for (PetscInt i = 0; i < 2; i++) {
+  for (PetscInt i = 0; i < (near ? 2 : 1); i++) {
     PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION][i];
     const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
 
     *here = k ? PetscMin(now[i], least[(k - 1) % LATIN_LARGE_STAGNATION][i]) : now[i];
-    if (*here <= PetscMax(0.5 * before, enough[i])) stagnates = PETSC_FALSE;
+    if (*here <= PetscMax(part * before, enough[i])) stagnates = PETSC_FALSE;
   }
   return stagnates;
 }
@@ -326,10 +328,10 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
 }
 
 /*
-   Newton's method, at most so many times with operators of the tangent stiffness, each as long as it takes no more than new ones. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
+   Newton's method with operators of the tangent stiffness, each as long as it takes no more than new ones, until it stagnates. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
    measures the error there. Collective on snes
 */
-static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool measures, PetscReal left, PetscBool *done)
+static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool measures, PetscReal left, PetscBool *done)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
@@ -337,11 +339,11 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
   PetscReal   least[LATIN_LARGE_STAGNATION][2];
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < times && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
+  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
-    if (*done || !near) continue;
+    if (*done) continue;
     if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
     if (!k && measures && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
       PetscCall(VecCopy(u, snes->vec_sol));
@@ -355,15 +357,14 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
 
 /*
    Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
-   there are; when it has taken as long as a set-up, with new ones, so many times. Near the solution its first step shows how far the iteration was from it; where a front of
+   there are; when it has taken as long as a set-up, with new ones, if it renews them. Near the solution its first step shows how far the iteration was from it; where a front of
    cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, or after the iteration where
-   its steps have led that became smaller, and the operators are for an iteration from there. Collective on snes
+   its steps have led that became smaller. Collective on snes
 */
-PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool near, PetscBool *done)
+PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBool near, PetscBool *done)
 {
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
   LatinStructure structure = large->frame->turns;
-  PetscInt       renewals  = large->renewals;
   PetscBool      measures;
   PetscReal      left = PETSC_MAX_REAL;
   Vec            u;
@@ -378,12 +379,11 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made < LATIN_FRAME_TANGENT);
   measures    = large->slow;
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
-  PetscCall(LatinLargeTangents_Private(snes, u, times, near, measures, left, done));
+  if (renews) PetscCall(LatinLargeTangents_Private(snes, u, measures, left, done));
   structure->ahead = structure->strain = NULL;
   large->changed                       = 0;
   PetscCall(PetscFree(large->ahead));
   if (!*done && !(large->iterated && measures && !large->unstable && large->first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
-  if (!*done && near && (large->renewals > renewals || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }
@@ -391,18 +391,20 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
 /* Newton's method after the iteration; where it fails this goes on, closer to the solution. Collective on snes */
 static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 {
-  SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  LatinLarge     *large = &data->large;
-  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  SNES_Latin     *data     = (SNES_Latin *)snes->data;
+  LatinLarge     *large    = &data->large;
+  const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  const PetscInt  renewals = large->renewals;
   PetscBool       far;
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
   large->iteration_error[0] = large->iteration_error[1] = 0.0;
   large->iterated                                       = PETSC_TRUE;
-  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, done));
+  PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_TRUE, done));
   large->iterated = PETSC_FALSE;
   if (*done) PetscFunctionReturn(0);
+  if (large->renewals > renewals || !large->frame->turns->midpoint) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   data->current        = -1;
   large->newton_failed = PETSC_TRUE;
   large->near *= LATIN_LARGE_FAR;
@@ -424,7 +426,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeBalance_Private(snes));
   PetscCall(SNESLatinLargeRests_Private(snes, &rests));
-  if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
+  if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_FALSE, PETSC_FALSE, &done));
   while (!done) {
     PetscCall(SNESLatinLargeState_Private(snes));
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeDecide_Private));

@@ -27,7 +27,7 @@ static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &start));
   PetscCall(LatinConvexCarried_Private(snes, start));
-  PetscCall(SNESLatinLargeFrom_Private(snes, start, PETSC_TRUE));
+  PetscCall(SNESLatinLargeFrom_Private(snes, start, PETSC_TRUE, NULL));
   PetscCall(DMRestoreGlobalVector(structure->dm, &start));
   *found = LatinNextConverged(data->next);
   PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, tension));

@@ -13,12 +13,12 @@ static PetscErrorCode LatinPathPlace_Private(SNES snes, Vec u)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(VecCopy(u, snes->vec_sol));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
+  data->next            = LATIN_NEXT_LINE_SEARCH;
   data->guess           = PETSC_TRUE;
   data->has_state       = PETSC_FALSE;
   data->first_distance  = -1.0;
   data->current         = -1;
   data->large.stateless = PETSC_TRUE;
-  data->large.inside    = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -31,27 +31,26 @@ PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
   *done = PETSC_FALSE;
   PetscCall(LatinPathPlace_Private(snes, u));
   if (!SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscFunctionReturn(0);
-  data->next = LATIN_NEXT_LINE_SEARCH;
-  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, done));
+  PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_FALSE, done));
   PetscFunctionReturn(0);
 }
 
 /*
    A solve from the displacements u. From an equilibrium, `near`, Newton's method takes a few steps, and bars in compression, which
-   the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration.
-   Collective on snes
+   the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration. *inside, or NULL:
+   it is known to fail; later, that it has. Collective on snes
 */
-PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
+PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, PetscBool *inside)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscBool   done = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (near) PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
+  if (near && !(inside && *inside)) PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
   else PetscCall(LatinPathPlace_Private(snes, u));
   if (done) PetscFunctionReturn(0);
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
-    data->large.inside = PETSC_TRUE;
+    if (inside) *inside = PETSC_TRUE;
     PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
     PetscFunctionReturn(0);
   }
@@ -68,7 +67,7 @@ PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
   PetscBool   done;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
+  PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_FALSE, &done));
   if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
   data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
   PetscFunctionReturn(0);
@@ -86,7 +85,7 @@ PetscErrorCode SNESLatinLargeStop_Private(SNES snes, LatinStopType stop)
   data->next = LATIN_NEXT_CONTINUE;
   PetscCall(VecDuplicate(snes->vec_sol, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE, NULL));
   PetscCall(VecDestroy(&u));
   PetscFunctionReturn(0);
 }

@@ -27,7 +27,6 @@
 #define LATIN_INTERIOR_SHORT   1e-6 /* steps shorter than that part lead nowhere */
 #define LATIN_INTERIOR_STEP    1e-4 /* a step relative to the displacements from which on Newton's method is tried; with 1e-3 it fails on grids */
 #define LATIN_INTERIOR_AGAIN   0.1  /* where it has failed it is tried again when steps are so much smaller */
-#define LATIN_INTERIOR_TIMES   2    /* times that it gets operators of its tangent stiffness */
 #define LATIN_INTERIOR_SMALL   1e-9 /* of tensions times lengths: products from where the method of multipliers changes few cables */
 #define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
 #define LATIN_INTERIOR_FIRST   0.1  /* of the length: slacks at first of links that do not stretch */
@@ -446,7 +445,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
       *done = (PetscBool)(part >= LATIN_INTERIOR_ENOUGH && point->mean * point->links <= LATIN_INTERIOR_SMALL * point->whole);
     }
     if (point->rigid || step > near * size) continue;
-    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_INTERIOR_TIMES, PETSC_TRUE, done));
+    PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_FALSE, PETSC_TRUE, done));
     near *= LATIN_INTERIOR_AGAIN;
   }
   PetscFunctionReturn(0);

@@ -12,17 +12,18 @@
 
    Newton's method follows a smooth path in a few steps an increment, and far from it fails, or finds what is rejected. So where its first step from what
    the tangent stiffness says of an increment is many times as long as that, the increment is halved at once. Where so many cables change that it does
-   not follow, the interior-point method does, and takes as many steps from near as from afar: then the farthest equilibrium is sought first.
+   not follow, the interior-point method does, and takes as many steps from near as from afar: then the farthest equilibrium is sought first, and Newton's
+   method not tried again from the same equilibrium for larger increments.
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
    and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. But not
    where the path has softened, as before a limit point, and a small one moves the structure far. Where a cable
-   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than four times only
+   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than twice only
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
-#define LATIN_PATH_SOFT        4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
+#define LATIN_PATH_SOFT        8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
 #define LATIN_PATH_KINK        1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS    1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
 #define LATIN_PATH_SOFTENED    10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
@@ -37,17 +38,18 @@
 #define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
 
-/* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL; it is too far to be sought */
+/* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; u is stable; it is further than any path leads, on another one; it is too far to be sought */
 typedef struct {
-  PetscReal part;
-  Vec       u, rate;
-  PetscBool passed;
+  PetscReal part, far;
+  Vec       u, ahead;
+  PetscBool stable, other, passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
 typedef struct {
-  Vec             first, whole, u, ahead, back, more, step;
+  Vec             first, whole, u, ahead, more, step;
   PetscReal       far, firm; /* l2 norm of ahead, the least one of all equilibria so far */
+  PetscReal       failed;    /* the least increment from u that Newton's method failed at */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
@@ -144,7 +146,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   PetscCall(VecScale(path->step, part));
   PetscCall(SNESLatinLargeDescend_Private(snes, path->step, &path->heavier, path->u, starts));
   if (*starts) {
-    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
+    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
     *starts = LatinNextConverged(data->next);
     PetscCall(VecCopy(snes->vec_sol, path->u));
   }
@@ -184,41 +186,38 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
 }
 
 /*
-   By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
-   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. *lies: between what both say. *other: further than any path leads. Collective on snes
+   By how much the next increment is to be smaller: 1 where this one, to the target, has moved no node too far, nor much less or more than the tangent stiffness
+   says where it starts and where it ends. Collective on snes
 */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller, PetscBool *lies, PetscBool *other)
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
-  const PetscBool      ends      = (PetscBool)(back >= 0.0);
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
-  const PetscReal      more      = part - data->large.reached;
+  const PetscReal      more = target->part - data->large.reached, back = target->far;
   PetscReal            size, step, moved, little;
   PetscBool            within = PETSC_TRUE;
   Vec                  change; /* as for the whole path */
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &change));
-  PetscCall(VecWAXPY(change, -1.0, path->u, snes->vec_sol));
+  PetscCall(VecWAXPY(change, -1.0, path->u, target->u));
   PetscCall(VecNorm(change, NORM_INFINITY, &step));
   PetscCall(VecScale(change, 1.0 / more));
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
-  if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? 1.0 : 2.0) * LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
-  if (!within && ends && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, path->back, path->back, little, &within)); /* a law with its kink where the path starts: the end says it all */
-  *lies    = within;
-  *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
-  *smaller = within ? 1.0 : 0.5;
+  PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
+  if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within)); /* a law with its kink where the path starts: the end says it all */
+  target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
+  *smaller      = within ? 1.0 : 0.5;
   if (within && (more > LATIN_PATH_STIFFENS || (path->far > LATIN_PATH_SOFTENED * path->firm && step > LATIN_PATH_JUMP * size))) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
-    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
+    if (within) PetscCall(LatinPathNodes_Private(structure, change, target->ahead, NULL, little, &within));
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* none so small that it may stiffen as it will */
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
-  if (ends)
-    PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
-                        within ? "" : ", of some nodes more or less than that"));
+  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
+                      within ? "" : ", of some nodes more or less than that"));
   PetscFunctionReturn(0);
 }
 
@@ -230,21 +229,20 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
 {
   LatinLarge            *large  = &((SNES_Latin *)snes->data)->large;
   const LatinPathTarget *target = &path->target[path->targets - 1], *next = target - 1;
-  PetscReal              h, s, moved, last;
+  PetscReal              h, s, moved;
 
   PetscFunctionBegin;
   *guess = large->supports.moves ? path->step : path->u;
   if (large->supports.moves) PetscCall(SNESLatinSupportsAhead_Private(snes, path->u, path->ahead, target->part - large->reached, path->step));
-  if (large->supports.moves || path->targets < 2 || !next->u || !next->rate) PetscFunctionReturn(0);
+  if (large->supports.moves || path->targets < 2 || !next->u || next->other) PetscFunctionReturn(0);
   h = next->part - large->reached;
   s = (target->part - large->reached) / h;
   PetscCall(VecWAXPY(path->step, -1.0, path->u, next->u));
   PetscCall(VecNorm(path->step, NORM_2, &moved));
-  PetscCall(VecNorm(next->rate, NORM_2, &last));
-  if (h * PetscMax(path->far, last) > LATIN_PATH_CURVE * moved) PetscFunctionReturn(0);
+  if (h * PetscMax(path->far, next->far) > LATIN_PATH_CURVE * moved) PetscFunctionReturn(0);
   PetscCall(VecAYPX(path->step, s * s * (3.0 - 2.0 * s), path->u));
   PetscCall(VecAXPY(path->step, h * s * (1.0 - s) * (1.0 - s), path->ahead));
-  PetscCall(VecAXPY(path->step, h * s * s * (s - 1.0), next->rate));
+  PetscCall(VecAXPY(path->step, h * s * s * (s - 1.0), next->ahead));
   *guess            = path->step;
   large->between[0] = path->u;
   large->between[1] = next->u;
@@ -253,13 +251,18 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
   PetscFunctionReturn(0);
 }
 
-/* The nearest target from u: *found. Collective on snes */
-static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target, Vec u, PetscBool *found)
+/* The nearest target from u: *found. Newton's method, which fails next to kinks, is not tried for a larger increment than one that it failed at. Collective on snes */
+static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, PetscBool *found)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
+  SNES_Latin      *data   = (SNES_Latin *)snes->data;
+  LatinPathTarget *target = &path->target[path->targets - 1];
+  const PetscReal  more   = target->part - data->large.reached;
+  PetscBool        inside = (PetscBool)(!target->u && more > path->failed);
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE, &inside));
+  if (inside) path->failed = PetscMin(path->failed, more);
+  if (inside) path->kinks = PETSC_TRUE;
   *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
   if (!*found) PetscCall(VecDestroy(&target->u));
   else {
@@ -285,6 +288,17 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
   PetscFunctionReturn(0);
 }
 
+/* What the path needs to know of the equilibrium that was found for the nearest target: once, with the operators there are. Collective on snes */
+static PetscErrorCode LatinPathSee_Private(SNES snes, const LatinPath *path, LatinPathTarget *target)
+{
+  PetscFunctionBegin;
+  if (!target->ahead) PetscCall(VecDuplicate(target->u, &target->ahead));
+  PetscCall(LatinPathRate_Private(snes, path, target->u, target->ahead, &target->far));
+  target->stable = (PetscBool)(target->far < PETSC_MAX_REAL);
+  if (target->stable) PetscCall(LatinPathStable_Private(snes, path, target->u, &target->stable));
+  PetscFunctionReturn(0);
+}
+
 /*
    An increment from the equilibrium path->u to the nearest target: the path goes on from there where *smaller is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
 */
@@ -293,50 +307,38 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   LatinLarge      *large  = &((SNES_Latin *)snes->data)->large;
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscBool  known  = (PetscBool) !!target->u;
-  PetscReal        back;
-  PetscBool        found = PETSC_TRUE, lies = PETSC_FALSE, other = PETSC_FALSE;
-  Vec              guess = path->u;
+  PetscBool        found  = PETSC_TRUE;
+  Vec              guess  = path->u;
 
   PetscFunctionBegin;
   *smaller = 0.5;
   if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(LatinPathLoad_Private(snes, path, target->part));
-  *smaller = 1.0;
-  if (known) {
-    PetscCall(VecCopy(target->u, snes->vec_sol));
-    PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &lies, &other));
-    if (*smaller < 1.0) PetscFunctionReturn(0);
-    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-  } else {
+  if (!known) {
     PetscCall(LatinPathFar_Private(snes, path));
-    if (target->passed) {
-      *smaller = 0.5;
-      PetscFunctionReturn(0);
-    }
+    if (target->passed) PetscFunctionReturn(0);
     PetscCall(LatinPathGuess_Private(snes, path, &guess));
-    PetscCall(LatinPathSolve_Private(snes, target, guess, &found));
+    PetscCall(LatinPathSolve_Private(snes, path, guess, &found));
     large->between[0] = large->between[1] = NULL;
-    if (large->inside) path->kinks = PETSC_TRUE;
+    if (!found) PetscFunctionReturn(0);
+    PetscCall(LatinPathSee_Private(snes, path, target));
   }
-  *smaller = found ? 1.0 : 0.5;
-  if (!found) PetscFunctionReturn(0);
-  PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
-  PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &lies, &other));
-  PetscCall(VecDestroy(&target->rate));
-  if (lies && back < PETSC_MAX_REAL) {
-    PetscCall(VecDuplicate(path->back, &target->rate));
-    PetscCall(VecCopy(path->back, target->rate));
-  }
-  if (other && known) PetscCall(VecDestroy(&target->u)); /* on another path, from closer by as well */
+  PetscCall(LatinPathMoved_Private(snes, path, target, smaller));
+  if (!target->stable) *smaller = PetscMin(0.5, *smaller);
+  if (target->other && known) PetscCall(VecDestroy(&target->u)); /* from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
-  PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
-  if (found && known) PetscCall(LatinPathSolve_Private(snes, target, target->u, &found));
-  *smaller = found ? 1.0 : 0.5;
-  if (!found) PetscFunctionReturn(0);
+  if (known && path->targets == 1) { /* the end: operators and estimates there again */
+    PetscCall(VecCopy(target->u, snes->vec_sol));
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
+    PetscCall(LatinPathSolve_Private(snes, path, target->u, &found));
+    *smaller = found ? 1.0 : 0.5;
+    if (!found) PetscFunctionReturn(0);
+  }
   PetscCall(VecCopy(target->u, path->u));
-  PetscCall(VecCopy(path->back, path->ahead));
-  path->far  = back;
-  path->firm = PetscMin(path->firm, back);
+  PetscCall(VecCopy(target->ahead, path->ahead));
+  path->failed = PETSC_MAX_REAL;
+  path->far    = target->far;
+  path->firm   = PetscMin(path->firm, path->far);
   PetscFunctionReturn(0);
 }
 
@@ -353,7 +355,7 @@ static PetscErrorCode LatinPathReached_Private(LatinPath *path)
 
   PetscFunctionBegin;
   PetscCall(VecDestroy(&target->u));
-  PetscCall(VecDestroy(&target->rate));
+  PetscCall(VecDestroy(&target->ahead));
   PetscFunctionReturn(0);
 }
 
@@ -455,7 +457,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinLarge    *large     = &data->large;
   LatinStructure structure = large->frame->turns;
-  Vec            rhs       = snes->vec_rhs, work[7];
+  Vec            rhs       = snes->vec_rhs, work[6];
   LatinStopType  stop      = data->stop;
   PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
   PetscErrorCode ierr;
@@ -473,8 +475,8 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);
   }
-  for (PetscInt i = 0; i < 7; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
+  for (PetscInt i = 0; i < 6; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
+  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .more = work[4], .step = work[5], .far = PETSC_MAX_REAL, .failed = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
   if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR; /* along the path, which Newton's method follows */
   ierr = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
@@ -487,7 +489,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   PetscCall(ierr);
   if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
   PetscCall(VecCopy(snes->vec_sol, large->solution));
-  for (PetscInt i = 0; i < 7; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
+  for (PetscInt i = 0; i < 6; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }

@@ -51,10 +51,10 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
 static PetscErrorCode LatinTautFrom_Private(SNES snes, Vec u)
 {
   PetscFunctionBegin;
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE, NULL));
   if (LatinNextConverged(((SNES_Latin *)snes->data)->next)) PetscFunctionReturn(0);
   PetscCall(VecCopy(u, snes->vec_sol));
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE, NULL));
   PetscFunctionReturn(0);
 }
 

@@ -147,7 +147,6 @@ typedef struct {
   PetscReal lowest;         /* this measure before them */
   PetscReal near;           /* estimated error below which Newton's method is tried */
   PetscReal cost;           /* cost of a set-up, in linear stages */
-  PetscBool inside;         /* the last solve of a path has used the interior-point method */
   PetscBool stateless;      /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
   PetscBool newton_failed;  /* Newton's method has failed: it is tried again only near the solution */
   /* of Newton's method */
@@ -330,15 +329,14 @@ PETSC_INTERN PetscErrorCode SNESLatinCopyReference_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLoad_Private(SNES);
 /* snes/large.c, snes/largenewton.c, snes/largepath.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
-PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool near, PetscBool *done);
+PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscBool renews, PetscBool near, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 /* from displacements that are given (snes/largefrom.c) */
-#define LATIN_PATH_TANGENTS 20 /* times that Newton's method gets operators of the tangent stiffness in one increment: with 8 paths take half as long again */
 PETSC_INTERN PetscErrorCode SNESLatinLargeProof_Private(SNES, Vec u, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeStep_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeStop_Private(SNES, LatinStopType);
-PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
+PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near, PetscBool *inside);
 /* displacements of nodes on a path (snes/largenodes.c) */
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
