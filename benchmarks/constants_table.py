@@ -269,13 +269,6 @@ TUNING = {
             " there is no equilibrium."
         ),
     ),
-    "LATIN_NEWTON_STAGNANT": Tuning(
-        "steps",
-        "steps at rest that are believed",
-        (*SLACK, *CONTRAST, *UPLIFT, *EXTREMES[:2]),
-        values=(1, 2, 40, 160),
-        so="A quarter refuses a case that more steps solve; nothing needs more.",
-    ),
     # the equilibrium check
     "LATIN_FORCE_FACTOR": Tuning(
         "ratio",

@@ -34,7 +34,6 @@
 #define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
 #define LATIN_NEWTON_OWN            3000  /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
 #define LATIN_NEWTON_GRAINS         40000 /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
-#define LATIN_NEWTON_STAGNANT       10    /* most stagnant line searches in a row: more are caused by rounding or by a link that is just taut, and the error counts as reached */
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -156,14 +155,12 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
 static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscInt changes, PetscBool *rounding, PetscBool *claims)
 {
   LatinEquilibrium found;
-  PetscBool        held;
 
   PetscFunctionBegin;
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
-    held      = (PetscBool)(found.balanced || (newton->stagnant > LATIN_NEWTON_STAGNANT && newton->error <= LATIN_NEWTON_REST && !found.nodes)); /* rounding changes a link at a kink of its law to and fro */
-    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && held);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || held)); /* a node with a small load may hang on slack links alone: not converged */
+    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
+    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load may hang on slack links alone: not converged */
   }
   newton->tensions = found.forces;
   if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
@@ -275,8 +272,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetLinearSolveIterations(snes, &stages));
   newton->stages_left = newton->limit - newton->stages - stages;
   if (!it) {
-    changes          = newton->linear ? 0 : 1;
-    newton->stagnant = newton->small = 0;
+    changes       = newton->linear ? 0 : 1;
+    newton->small = 0;
   } else {
     PetscCall(SNESGetJacobian(snes, NULL, &P, NULL, NULL));
     PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
@@ -285,8 +282,6 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* a shortened step: links have changed along it */
     newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
-    if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->stagnant++;
-    else newton->stagnant = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
     newton->known = changes ? 0.0 : newton->error;
     unexplained   = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
@@ -295,8 +290,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !unexplained && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* no error reduction with a fixed active set */
-  claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
-                       (!newton->stagnant || newton->stagnant > LATIN_NEWTON_STAGNANT));
+  claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance);
   if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;

@@ -76,7 +76,6 @@ typedef struct {
   PetscInt         before;            /* Newton steps of this solve before the current run */
   PetscInt         limit;             /* most linear stages of Newton's method */
   PetscInt         stages_left;       /* of these */
-  PetscInt         stagnant;          /* consecutive steps with a stagnant line search */
   PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
   PetscBool        held;              /* it has shown that the loads are borne */
   PetscBool        near;              /* the initial guess is next to the solution: full steps may leave it. With rigid links three of 190 packings and nets are lost by a search at once */
