@@ -48,12 +48,10 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
-  shown                   = (PetscBool)(SNESLatinEstimates(data) && newton->target > 0.0 && data->found.error > newton->target);
-  if (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
+  shown                   = (PetscBool)((SNESLatinEstimates(data) && data->found.error > newton->target) || (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)));
   if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
-  else if (shown && (newton->stall || rigid)) *done = PETSC_FALSE;
-  else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
+  else if (shown) *done = PETSC_FALSE;
   if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a linear solve has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) data->next = LATIN_NEXT_ROUNDING;
