@@ -137,7 +137,8 @@ def test_what_is_borne_is_solved_and_what_is_not_collapses():
 
 
 def test_the_same_beside_rigid_links():
-    count, found = mistakes(range(60), PETSc.COMM_SELF, rigid=True)
+    seeds = [*range(60), 207, 366]  # these two need full steps of Newton's method after searched ones
+    count, found = mistakes(seeds, PETSc.COMM_SELF, rigid=True)
     assert count > 100
     assert not found
 
