@@ -315,10 +315,7 @@ OTHERS = {
         "rows",
         "A dense factor of 1536 rows has 19 MB and takes 1.2 Gflop; a sparse one of a larger group does less work.",
     ),
-    "LATIN_REDUNDANT": (
-        "rows",
-        "A parallel factor of so few rows is all messages: each rank factors the whole. Not of full matrices.",
-    ),
+    "LATIN_COARSE_KEPT": ("rows", "18 MB: products that monitors show are worth more than this memory."),
     "LATIN_COARSE_CONTRACTION": (
         "relative energy",
         "The next stage corrects it, or conjugate gradients of Newton's method. Second level, 4 ranks, 0.01 and 0.1: "

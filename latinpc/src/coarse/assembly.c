@@ -310,7 +310,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
-  lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional && coarse->top_size > LATIN_REDUNDANT); /* a small matrix needs products, see LatinCoarseReleaseLocal_Private() */
+  lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional && coarse->top_size > LATIN_COARSE_KEPT); /* a small matrix needs products, see LatinCoarseReleaseLocal_Private() */
   if (stiffness->lower && !lower) LatinLowerMirror(entries, stiffness->H);
   if (whole) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));

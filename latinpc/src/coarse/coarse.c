@@ -33,8 +33,8 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 }
 
 /*
-   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not if each rank
-   factors the whole matrix (PCREDUNDANT). Not collective
+   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not
+   collective
 */
 static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 {
@@ -51,14 +51,13 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
   PetscCall(PetscOptionsGetString(pc->options, pc->prefix, "-pc_factor_mat_solver_type", given, sizeof(given), &named));
   if (named) PetscCall(PetscStrcmp(given, package, &mumps));
   if (mumps) PetscCall(MatSolverTypeGet(package, MATMPISBAIJ, MAT_FACTOR_CHOLESKY, NULL, &mumps, NULL));
-  coarse->upper = (PetscBool)(size > 1 && !coarse->tree && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
+  coarse->upper = (PetscBool)(size > 1 && !coarse->tree && cholesky && mumps);
   PetscFunctionReturn(0);
 }
 
 /*
-   The default solver is a factorisation. One rank: ours. Several ranks: the multifrontal solver of coarse/tree.h, or MUMPS; a small
-   sparse matrix is factored by each rank as a whole (PCREDUNDANT), as latency rules a parallel factorisation. A package named
-   by options factors the distributed matrix. PCREDUNDANT uses our factorisation, reproducible to the bit. Collective on coarse->ksp
+   The default solver is a factorisation. One rank: ours. Several ranks: the multifrontal solver of coarse/tree.h, or MUMPS. A package
+   named by options factors the distributed matrix. PCREDUNDANT, by options, uses our factorisation, reproducible to the bit. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 {
@@ -77,8 +76,7 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   }
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
-  if (!coarse->chosen && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
-  else if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, size > 1 ? MATSOLVERMUMPS : LATIN_CHOLESKY));
+  if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, size > 1 ? MATSOLVERMUMPS : LATIN_CHOLESKY));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
   if (!redundant) PetscFunctionReturn(0);
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
@@ -132,7 +130,7 @@ static PetscErrorCode LatinCoarseReleased_Mat(Mat A, Vec x, Vec y)
 */
 static PetscErrorCode LatinCoarseReleaseLocal_Private(LatinCoarse *coarse, PetscBool ahead)
 {
-  PetscBool        release = (PetscBool)(coarse->tree && coarse->top_size > LATIN_REDUNDANT && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
+  PetscBool        release = (PetscBool)(coarse->tree && coarse->top_size > LATIN_COARSE_KEPT && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
   PetscObjectState state;
   Mat              empty;
 

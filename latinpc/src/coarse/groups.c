@@ -321,7 +321,7 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   for (PetscInt s = 0; s < top->n; s++) entries += PetscSqr((PetscReal)(top->offset[s + 1] - top->offset[s]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &entries, 1, MPIU_REAL, MPIU_SUM, comm));
   coarse->tree = (PetscBool)(entries >= PetscSqr((PetscReal)coarse->top_size));
-  if (coarse->tree || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
+  if (coarse->tree) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n, &number));
   PetscCall(PetscArraycpy(number, coarse->top_global, n));
   PetscCall(PetscSortRemoveDupsInt(&n, number));

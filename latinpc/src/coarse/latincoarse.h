@@ -94,7 +94,7 @@ typedef struct {
 
 #define LATIN_COARSE_CONTRACTION 0.1 /* relative tolerance of an iterative coarse solver in the energy norm, if the next linear stage or an outer CG corrects its error */
 
-#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
+#define LATIN_COARSE_KEPT 1500 /* most rows of a parallel matrix that is kept after its factorisation, for products of monitors */
 
 /* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
 #define LATIN_TREE          "latintree"         /* a MatSolverType */
