@@ -24,11 +24,9 @@ INTERIOR = {
     ),
     "LATIN_COULOMB_LIFT": ("", "The same 69: 57 with 100, 58 with 1,000, 53 with 10,000."),
     "LATIN_COULOMB_SLOW": ("steps", "The same 69: 50 with 8, 58 with 15."),
-    "LATIN_COULOMB_GAP": ("of the work", "As `LATIN_CONVEX_GAP`."),
     "LATIN_COULOMB_GAP_LEAST": ("of the work", "Packings of 20 discs a side converge to errors of 1e-10 with it."),
     "LATIN_COULOMB_LEAST": ("", "Without it a random structure with a self-stress comes to a halt off balance."),
     "LATIN_COULOMB_LESS": ("", "With 1 the tensions of a random structure with a self-stress creep for 200 steps."),
-    "LATIN_STEP_RESTS": ("", "As `LATIN_NEWTON_REST`."),
     "LATIN_COULOMB_CREEPS": ("steps", "They only confirm: the tensions do not change any more."),
     "LATIN_COULOMB_REFINED": ("solves", "With 1 a block held by friction misses balance by more than rounding."),
     "LATIN_COULOMB_FLOOR": (
@@ -40,11 +38,6 @@ INTERIOR = {
         "compliance of the search parameter",
         "From 1e-6 to 1e-4 packings of 20 to 120 discs a side take the same steps; with 1e-3 one of 80 does not"
         " converge, with 1e-12 none of rigid discs does.",
-    ),
-    "LATIN_CONVEX_FLOOR": (
-        "of the greatest stiffness",
-        "As `LATIN_NEWTON_FLOOR_GREATEST`. Without it 15 of 16 packings of spheres of different stiffness, half of them"
-        " rigid, fail; with it from the start two of 190 packings and nets fail that converge without it.",
     ),
     "LATIN_CONVEX_GAP": (
         "of the work",

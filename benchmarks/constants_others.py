@@ -57,7 +57,9 @@ OTHERS = {
     ),
     "LATIN_NEWTON_FLOOR_GREATEST": (
         "of the greatest stiffness",
-        "What a slack link keeps must be more than a mechanism, or the factorisation stops: three times as much.",
+        "What a slack link keeps must be more than a mechanism, or the factorisation stops: three times as much. After "
+        "a failed solve of the interior-point method: without it 15 of 16 packings of spheres of different stiffness, "
+        "half of them rigid, fail; with it from the start two of 190 packings and nets fail that converge without it.",
     ),
     "LATIN_DIGITS_FLOOR": (
         "of the least stiffness",
@@ -264,10 +266,6 @@ OTHERS = {
     ),
     "LATIN_SEARCH_GROWS": ("ratio", "Lengths to try are few with 8: thirteen to the longest."),
     "LATIN_SEARCH_FAR": ("times the step", "Farther, rounding of the step is larger than the displacements."),
-    "LATIN_PENALTY_REST": (
-        "eps, of the displacements",
-        "As `LATIN_ESTIMATE_NOISE`, for displacements between two problems.",
-    ),
     "LATIN_ESTIMATE_FIRST": (
         "iterates",
         "Two show no rate. With three, rigid links started warm claimed 9e-6 where a motion was wrong by 6e-4.",

@@ -8,10 +8,8 @@
    In statics the search for a collapse comes first: it shows that the loads are borne, else this would not end. In time steps masses bear them.
 */
 
-#define LATIN_CONVEX_STEPS          100                           /* most steps */
-#define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-5, 1e-3)  /* compliance of rigid links, relative to that of their search parameters */
-#define LATIN_CONVEX_FLOOR          (3.0 * LATIN_MECHANISM)       /* stiffness of a link after a failed solve, relative to the greatest that a rigid one can have: less is a mechanism to the factorisation */
-#define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* sum of the products s y relative to the work of tensions and loads, and unbalance relative to the initial one: small enough */
+#define LATIN_CONVEX_STEPS          100                          /* most steps */
+#define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-5, 1e-3) /* compliance of rigid links, relative to that of their search parameters */
 
 /* Weights W of the initial point, and compliances; *firm: the greatest search parameter of a rigid link, 0: none. Collective */
 PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal *firm)
@@ -114,8 +112,8 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &mean, &failed));
       newton->steps++;
-      if (failed && c.floor < LATIN_CONVEX_FLOOR * most) {
-        c.floor = LATIN_CONVEX_FLOOR * most;
+      if (failed && c.floor < LATIN_NEWTON_FLOOR_GREATEST * most) {
+        c.floor = LATIN_NEWTON_FLOOR_GREATEST * most;
         failed  = PETSC_FALSE;
       } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, mean, &left));
     }

@@ -13,8 +13,7 @@
 #define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without forces */
 #define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep */
-#define LATIN_COULOMB_GAP       LatinByPrecision(1e-12, 1e-6) /* sum of the products, relative to the work of tensions and loads, that is small enough; less where the square of the requested error is less, */
-#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* but no less than this */
+#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* LATIN_CONVEX_GAP is less where the square of the requested error is less, but no less than this */
 #define LATIN_COULOMB_LEAST     1e-3                          /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
 
 /* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
@@ -68,9 +67,9 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   work             = sum[2] + PetscAbsScalar(push);
   left             = mean * c->count / work;
-  goal             = PetscMin(LATIN_COULOMB_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
+  goal             = PetscMin(LATIN_CONVEX_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
-  most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_STEP_RESTS * PetscSqrtReal(sum[1]));
+  most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_NEWTON_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
   if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */

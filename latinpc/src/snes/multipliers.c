@@ -11,7 +11,6 @@
 
 #define LATIN_PENALTY          1e3  /* initial penalty, relative to the search parameter of the link */
 #define LATIN_PENALTY_GROWS    10.0 /* growth of the penalty if the change of the tensions has not become ten times smaller */
-#define LATIN_PENALTY_REST     64.0 /* times eps: change of the displacements that is rounding, which the penalty amplifies into tensions */
 #define LATIN_PENALTY_MOST     1e9  /* largest penalty, relative to the search parameter: with more, rounding hides the tensions of soft links */
 #define LATIN_MULTIPLIER_TIMES 30   /* most updates of the multipliers */
 #define LATIN_MULTIPLIER_STEPS 400  /* most Newton steps, all updates together */
@@ -52,7 +51,7 @@ PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, Petsc
   PetscCall(VecPointwiseMult(forces, structure->ground, moved));
   PetscCall(VecNorm(forces, NORM_2, &inertia));
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
-  *rests = (PetscBool)(inertia <= LATIN_STEP_RESTS * tensions);
+  *rests = (PetscBool)(inertia <= LATIN_NEWTON_REST * tensions);
   PetscFunctionReturn(0);
 }
 
@@ -88,7 +87,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  misses      = (PetscBool)(sum[2] > PetscSqr(LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) * (PetscSqr(size) + sum[3]));
+  misses      = (PetscBool)(sum[2] > PetscSqr(LATIN_NEWTON_REST) * (PetscSqr(size) + sum[3]));
   closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
   stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
   newton->gap = sum[2];
@@ -147,7 +146,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     }
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
-    if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* only rounding of the displacements changes the tensions */
+    if (moved <= LATIN_NEWTON_REST) { /* only rounding of the displacements changes the tensions */
       factor = 1.0 / LATIN_PENALTY_GROWS;
       most   = grown * factor;
     } else if (grown * factor > most) continue;

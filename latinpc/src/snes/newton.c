@@ -18,22 +18,20 @@
    the requested error; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES         300                            /* most linear stages predicted: with more, the iteration stalls */
-#define LATIN_NEWTON_WINDOW         20                             /* linear stages over which the contraction rate is measured */
-#define LATIN_NEWTON_CONTRAST       1e6                            /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
-#define LATIN_NEWTON_RTOL           1e-2                           /* rtol of a linear solve while the active set changes */
-#define LATIN_NEWTON_PROOF          0.5                            /* relative residual of a linear solve below which its iterate measures the error */
-#define LATIN_NEWTON_FLOOR          LatinByPrecision(1e-8, 1e-5)   /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
-#define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)        /* the same, at least, relative to the greatest stiffness: less is a mechanism to the factorisation */
-#define LATIN_NEWTON_LINEAR         500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
-#define LATIN_NEWTON_STEPS          200                            /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_FULL           12                             /* full steps before the line search: if they converge, they do so soon */
-#define LATIN_NEWTON_SLOW           4                              /* first step after which other methods follow if it changes more than half as many links as the one before; not in time steps without rigid links, where full steps are faster */
-#define LATIN_NEWTON_GAIN           0.5                            /* with a fixed active set, a step that reduces the error by less than this shows rounding */
-#define LATIN_NEWTON_SAFETY_MOST    1e8                            /* largest safety factor on the relative residual of a linear solve */
-#define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative length of a step that changes links by rounding alone */
-#define LATIN_NEWTON_OWN            3000  /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_GRAINS         40000 /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
+#define LATIN_NEWTON_STAGES      300                          /* most linear stages predicted: with more, the iteration stalls */
+#define LATIN_NEWTON_WINDOW      20                           /* linear stages over which the contraction rate is measured */
+#define LATIN_NEWTON_CONTRAST    1e6                          /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
+#define LATIN_NEWTON_RTOL        1e-2                         /* rtol of a linear solve while the active set changes */
+#define LATIN_NEWTON_PROOF       0.5                          /* relative residual of a linear solve below which its iterate measures the error */
+#define LATIN_NEWTON_FLOOR       LatinByPrecision(1e-8, 1e-5) /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
+#define LATIN_NEWTON_LINEAR      500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
+#define LATIN_NEWTON_STEPS       200                          /* most steps; with half as many a case of the catalogue is refused */
+#define LATIN_NEWTON_FULL        12                           /* full steps before the line search: if they converge, they do so soon */
+#define LATIN_NEWTON_SLOW        4                            /* first step after which other methods follow if it changes more than half as many links as the one before; not in time steps without rigid links, where full steps are faster */
+#define LATIN_NEWTON_GAIN        0.5                          /* with a fixed active set, a step that reduces the error by less than this shows rounding */
+#define LATIN_NEWTON_SAFETY_MOST 1e8                          /* largest safety factor on the relative residual of a linear solve */
+#define LATIN_NEWTON_OWN         3000                         /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
+#define LATIN_NEWTON_GRAINS      40000                        /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)

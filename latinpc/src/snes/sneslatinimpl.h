@@ -94,7 +94,9 @@ PETSC_INTERN PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *, const 
 PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
-#define LATIN_STEP_RESTS (64.0 * PETSC_MACHINE_EPSILON) /* unbalance relative to the tensions that is rounding */
+#define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* of the interior-point methods: sum of the products s y relative to the work of tensions and loads, and without friction unbalance relative to the initial one, that are small enough */
+#define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)       /* least tangent stiffness of a link, relative to the greatest stiffness: less is a mechanism to the factorisation */
+#define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative change of displacements, or of the forces of a time step, that is rounding */
 PETSC_INTERN PetscErrorCode LatinStepRests_Private(LatinStructure, Vec moved, PetscReal tensions, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
