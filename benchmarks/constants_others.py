@@ -185,7 +185,6 @@ OTHERS = {
         "linear stages",
         "One of many looks at balance that a collapse takes; of 80 arches beyond their limit 78 end before all stages.",
     ),
-    "LATIN_MULTIPLIER_STEPS": ("steps", "A bound on the time that packings of rigid grains lose; net 30 takes 78."),
     "LATIN_ESTIMATE_NOISE": (
         "eps, of the forces at a node",
         "Tensions of rigid links are a sum of tens of rounded terms.",

@@ -13,7 +13,6 @@
 #define LATIN_PENALTY_GROWS    10.0 /* growth of the penalty if the change of the tensions has not become ten times smaller */
 #define LATIN_PENALTY_MOST     1e9  /* largest penalty, relative to the search parameter: with more, rounding hides the tensions of soft links */
 #define LATIN_MULTIPLIER_TIMES 30   /* most updates of the multipliers */
-#define LATIN_MULTIPLIER_STEPS 400  /* most Newton steps, all updates together */
 
 #define LATIN_FLOOR_GROWS 1e3 /* growth of the tangent stiffness of slack links (newton->floor) after a singular linear solve */
 #define LATIN_FLOOR_TIMES 3   /* most such growths */
@@ -126,11 +125,10 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   Vec       before;
 
   PetscFunctionBegin;
-  newton->before = newton->steps;
-  newton->gap    = 0.0;
+  newton->gap = 0.0;
   PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
   PetscCall(VecCopy(u, before));
-  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS && !done; k++) {
+  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && !done; k++) {
     PetscCall(LatinMultipliersProblem_Private(snes, newton, u, reason));
     if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links are a mechanism to rounding: tangent stiffness singular */
       newton->floor *= LATIN_FLOOR_GROWS;

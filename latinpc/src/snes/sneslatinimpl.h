@@ -73,7 +73,6 @@ typedef struct {
   PetscBool        own_laws;          /* tables or laws of the user, in statics without friction: they may yield */
   PetscInt         changes;           /* links that the last step has changed */
   PetscInt         steps, stages;     /* of this solve: Newton steps, linear stages */
-  PetscInt         before;            /* Newton steps of this solve before the current run */
   PetscInt         limit;             /* most linear stages of Newton's method */
   PetscInt         stages_left;       /* of these */
   PetscBool        collapse_searched; /* the search for a collapse has been done in this solve */
