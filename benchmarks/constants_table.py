@@ -280,13 +280,6 @@ TUNING = {
             "quarter accepts one case that is refused now."
         ),
     ),
-    "LATIN_MOVED_FACTOR": Tuning(
-        "ratio",
-        "error of a step from forces and masses",
-        (*MOTIONS, *EXTREMES),
-        values=(0.1125, 0.45, 7.2, 28.8),
-        so="Nothing changes from 1/16 to 16 times; with 0 one motion of the suite ends otherwise.",
-    ),
     "LATIN_UNHELD": Tuning(
         "of the forces",
         "nodes that nothing holds",

@@ -22,7 +22,6 @@
 
 #define LATIN_FORCE_NOISE  8.0                          /* times eps, of the forces at a node: rounding of their sum */
 #define LATIN_FORCE_FACTOR 10.0                         /* safety factor on the error by row sums; with it, on structures of all kinds, that is at most 0.06 of a target that has been met */
-#define LATIN_MOVED_FACTOR 1.8                          /* safety factor on the error by masses, as on estimates of l2 errors */
 #define LATIN_UNHELD       0.5                          /* a node is unheld if its unbalance exceeds this part of its forces; entities are listed if they exceed this part of the largest one */
 #define LATIN_WORK_LEFT    0.5                          /* largest r.u of an equilibrium, relative to the works: about 0 at a solution of any accuracy, 1 in free fall */
 #define LATIN_WORK_CANCELS 0.03                         /* weight of the absolute works of each link and load in these works: a prestress whose work cancels leaves rounding */
@@ -284,7 +283,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (norm > 0.0) found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error), PetscSqrtReal(sum.along)) / norm;
   if (norm > 0.0) found->blur = PetscSqrtReal(sum.blur) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
-    if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
+    if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);
