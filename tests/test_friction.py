@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from petsc4py import PETSc
+from random_motions import with_links
+from random_structures import Draw
 from scipy.optimize import linprog
 from support import far, solve
 
@@ -218,6 +220,24 @@ def test_a_grain_in_space_falls_where_no_friction_holds_it(units):
         found = latinpc.Structure.from_scene(scene).solve()
     assert found.report["reason"] == "DIVERGED_DTOL"
     assert found.notices == ["no equilibrium: neither links nor friction hold node 0"]
+
+
+@pytest.mark.parametrize("seed", [150, 2171])
+def test_displacements_larger_than_the_structure_are_no_collapse_unless_they_grow(seed):
+    """Soft links at large loads. The iteration alone finds the same."""
+    random = np.random.default_rng(seed)
+    nodes, extra = random.integers(2, 8), random.integers(0, 8)
+    slack = random.choice([0.0, 0.3, 1.0])
+    scene = Draw(nodes=int(nodes), extra=int(extra), parts=1, slack=float(slack), seed=seed).scene()
+    for _ in range(random.integers(1, 4)):
+        gap, friction = 0.01 * random.integers(3), 0.1 * random.integers(1, 9)
+        scene = with_links(scene, random, [Law.FRICTION, Law.TANGENT], gap, friction)
+    found = solve(scene, error=1e-6)
+    assert np.abs(found.u).max() > np.ptp(scene.nodes, axis=0).max()
+    assert found.reason > 0
+    assert missed(scene, found.u, found.tensions) < 1e-5
+    alone = solve(scene, error=1e-6, newton="never")
+    assert np.linalg.norm(found.u - alone.u) < 1e-5 * np.linalg.norm(alone.u)
 
 
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])

@@ -222,15 +222,19 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
-/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Collective on snes */
+/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Displacements that are only large stay so; those of a collapse grow from stage to stage. Collective on snes */
 static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data      = (SNES_Latin *)snes->data;
   PetscBool   collapsed = PETSC_FALSE;
+  PetscReal   far;
 
   PetscFunctionBegin;
   if (data->newton.steps && SNESLatinBalances(snes) && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
-  if (collapsed) *next = LATIN_NEXT_DIVERGED;
+  if (!collapsed) PetscFunctionReturn(0);
+  PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far));
+  if (data->far > 0.0 && far > LATIN_COLLAPSE_GROWS * data->far) *next = LATIN_NEXT_DIVERGED;
+  else if (data->far == 0.0) data->far = far;
   PetscFunctionReturn(0);
 }
 

@@ -66,6 +66,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   data->done = data->tested = latin->linear.applications = 0;
   data->current                                          = -1;
   data->first_distance                                   = -1.0;
+  data->far                                              = 0.0;
   data->leapt                                            = PETSC_FALSE;
   data->residual                                         = 0.0;
   data->next                                             = LATIN_NEXT_CONTINUE;

@@ -35,6 +35,7 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
 #define LATIN_JAM_LEAST       100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages, of a nonlinear preconditioner, show neither */
 #define LATIN_COLLAPSE_WINDOW 20   /* linear stages between two tests for a collapse of contacts with friction */
+#define LATIN_COLLAPSE_GROWS  4.0  /* times the displacements that were first larger than the structure */
 #define LATIN_NEWTON_FAR      1e-7 /* largest unbalance, relative to the loads, of displacements larger than the structure */
 
 typedef struct {
@@ -204,6 +205,7 @@ typedef struct {
   PetscInt          history_size, done;
   PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
+  PetscReal         far;     /* largest displacement when it was first larger than the structure, after Newton's method */
   PetscBool         leapt;   /* the last distance exceeded the divergence tolerance */
   PetscInt          tested;  /* number of the last linear stage tested */
   PetscInt          current; /* number of the linear stage at which the solution vector and its residual were computed, -1: never */
