@@ -33,8 +33,7 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 }
 
 /*
-   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not
-   collective
+   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not collective
 */
 static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 {

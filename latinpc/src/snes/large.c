@@ -21,7 +21,7 @@
 #define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
 #define LATIN_LARGE_PATIENCE   500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
 #define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
-#define LATIN_LARGE_CREEPS     0.9 /* of the unbalanced forces then: along a path, where the solution may be far and links that change are not counted */
+#define LATIN_LARGE_CREEPS     0.9 /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far, and links that change are not counted */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -295,7 +295,8 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 }
 
 /*
-   Does Newton's method stagnate? After set-up k neither the unbalanced forces nor the links that change are so much smaller than some set-ups before; `least` has the least of both so far. Not collective
+   Does Newton's method stagnate? It does if, since some set-ups, neither the unbalanced forces nor the number of links that change have fallen enough; `least` has the least of
+   both after each of the last set-ups, k is this one. Not collective
 */
 static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[][2])
 {

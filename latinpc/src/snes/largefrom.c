@@ -38,7 +38,7 @@ PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
 /*
    A solve from the displacements u. From an equilibrium, `near`, Newton's method takes a few steps, and bars in compression, which
    the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration. *inside, or NULL:
-   it is known to fail; later, that it has. Collective on snes
+   on entry, Newton's method is known to fail; on return, the interior-point method has been used. Collective on snes
 */
 PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, PetscBool *inside)
 {

@@ -38,7 +38,7 @@
 #define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
 
-/* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; u is stable; it is further than any path leads, on another one; it is too far to be sought */
+/* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; `stable`: u is; `other`: u is further than any path leads, on another one; `passed`: too far to be sought */
 typedef struct {
   PetscReal part, far;
   Vec       u, ahead;
@@ -288,7 +288,7 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* What the path needs to know of the equilibrium that was found for the nearest target: once, with the operators there are. Collective on snes */
+/* The tangent prediction from the equilibrium that was found for the nearest target, and whether it is stable: once, with the operators there are. Collective on snes */
 static PetscErrorCode LatinPathSee_Private(SNES snes, const LatinPath *path, LatinPathTarget *target)
 {
   PetscFunctionBegin;
