@@ -65,15 +65,7 @@ def make_socket(path):
         end.bind(path.name)
 
 
-def make_device(path):
-    """Leave a character device there, where the system lets us."""
-    try:
-        os.mknod(path, stat.S_IFCHR | 0o600, os.makedev(1, 3))
-    except OSError:
-        pytest.skip("devices cannot be made here")
-
-
-THINGS = {"folder": Path.mkdir, "named pipe": os.mkfifo, "socket": make_socket, "device": make_device}
+THINGS = {"folder": Path.mkdir, "named pipe": os.mkfifo, "socket": make_socket}
 
 
 @pytest.fixture(params=THINGS)
