@@ -41,6 +41,15 @@ def test_chains_of_contacts_with_friction_are_found(name):
     assert missed(scene, found.u, found.tensions) < 1e-5
 
 
+def test_paths_that_turn_back():
+    """Newton's path alone, and lifts of it, find none of these three; where pushes settle another path begins."""
+    scenes = [make("packing", law="friction", side=32, friction=mu, seed=n) for mu, n in ((0.6, 4), (0.9, 1), (0.9, 6))]
+    found = [solve(scene, max_it=500) for scene in scenes]
+    solved = [pair for pair in zip(scenes, found, strict=True) if pair[1].reason > 0]
+    assert len(solved) >= 2  # rounding decides
+    assert max(missed(scene, each.u, each.tensions) for scene, each in solved) < 1e-5
+
+
 @pytest.mark.parametrize("name", ["discs", "METIS"])
 def test_contacts_stick_slip_and_open(name):
     """All three are there in numbers: the tests above are of none alone."""

@@ -84,14 +84,13 @@ static PetscErrorCode LatinCollapseProof_Private(LatinPrimalDual *c, PetscInt st
 static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
 {
   PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
-  PetscReal mean;
 
   PetscFunctionBegin;
   c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
-  mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
+  c->mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && c->stages < most && !failed && !proof && !*held;) {
-    PetscCall(LatinPrimalDualIterate_Private(c, &mean, &failed));
+    PetscCall(LatinPrimalDualIterate_Private(c, &failed));
     ++*steps;
     if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
     else failed = (PetscBool)((c->regularisation *= LATIN_COLLAPSE_REGULARISATION_GROWS) >= 1.0);

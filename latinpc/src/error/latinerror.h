@@ -162,12 +162,13 @@ typedef struct {
   PetscReal ds, rhs;
 } LatinBound;
 
-/* A contact with friction: S, its steps, and the parts of its tangent stiffness (error/slip.c) */
+/* A contact with friction: S, its steps, and its tangent stiffness (error/slip.c) */
 typedef struct {
   PetscInt  link;        /* its normal part */
-  PetscReal S[3], dS[3]; /* rate of slip, minus the tangential elongations */
-  PetscReal rhs, h[2];   /* of X o S; of M */
-  PetscReal inverse[4], P[4], z[2];
+  PetscReal S[3], dS[3]; /* rate of slip or opening, minus the tangential elongations */
+  PetscReal rhs;         /* of X.S */
+  PetscReal push;        /* what slip opens it by, while pushes settle */
+  PetscReal inverse[4], tangent[9];
 } LatinSlip;
 
 typedef struct {
@@ -185,11 +186,14 @@ typedef struct {
   PetscReal      floor;          /* least W in A */
   PetscReal      unbalance;      /* relative to the initial one */
   PetscReal      length;         /* of the last step */
+  PetscReal      mean;           /* complementarity product of a bound or a contact */
   PetscReal      least;          /* mean product that steps aim at, at least */
   PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
-  PetscInt       lifts;   /* of the point, see snes/coulomb.c */
+  PetscBool      settles; /* do pushes of contacts settle? */
+  PetscReal      aim;     /* mean product of a step while they do */
+  PetscReal      change;  /* what they miss, relative to them, after the last step */
   PetscReal     *x, *dx;  /* [n] elongations, their steps */
   PetscReal     *t, *dt;  /* [n] tensions */
   PetscReal     *w, *rhs; /* [n] weights of links; work */
@@ -216,10 +220,16 @@ static inline PetscBool LatinPrimalDualOpen(const LatinPrimalDual *c, PetscInt l
   return (PetscBool)(LatinLaws[c->structure->law[l]].rigid && PetscAbsReal(c->structure->e0[l]) > LATIN_FAR);
 }
 
-/* The side of a link, NULL if it has no bound there, or if its tension is constant */
+/* May a contact slip: is link l the normal part of one with a coefficient of friction, and not open? */
+static inline PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
+{
+  return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1 && !LatinPrimalDualOpen(c, l));
+}
+
+/* The side of a link, NULL if it has no bound there, or if its tension is constant; while pushes settle, contacts that may slip are cones */
 static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
 {
-  return PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
+  return (c->settles && LatinSlipMay(c, l)) || PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
 }
 
 PETSC_INTERN PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *, Vec more);
@@ -227,15 +237,17 @@ PETSC_INTERN PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *, Vec b, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *, PetscBool slips);
 PETSC_INTERN PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *);
-PETSC_INTERN PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
+PETSC_INTERN PetscErrorCode LatinPrimalDualMean_Private(const LatinPrimalDual *, PetscReal length, PetscReal *mean);
+PETSC_INTERN PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsStart(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsSettle(LatinPrimalDual *, PetscBool settles);
 PETSC_INTERN void           LatinSlipsWeights(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsBegin(LatinPrimalDual *, PetscBool corrects, PetscReal mean, PetscReal step[]);
 PETSC_INTERN void           LatinSlipsEnd(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsLength(const LatinPrimalDual *, PetscReal *length);
 PETSC_INTERN PetscReal      LatinSlipsProducts(const LatinPrimalDual *, PetscReal length);
-PETSC_INTERN void           LatinSlipsMove(LatinPrimalDual *, PetscReal length);
+PETSC_INTERN PetscErrorCode LatinSlipsMove_Private(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *, Mat);
 
 /* Active-set method of error/cone.c: n unknowns, a basis of links */

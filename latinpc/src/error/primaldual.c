@@ -13,8 +13,7 @@
 
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
 #define LATIN_PRIMAL_DUAL_POWER  3     /* of the reduction of the mean product by the predictor step: the corrector step aims at it */
-#define LATIN_SLIP_LENGTH        0.9   /* the same with friction, where the path bends */
-#define LATIN_SLIP_POWER         1
+#define LATIN_SLIP_LENGTH        0.95  /* the same with friction, where the path bends, unless the mean product falls by more in the step */
 
 /* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number, with contacts that may slip. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
@@ -175,12 +174,25 @@ static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool 
   PetscFunctionReturn(0);
 }
 
-/* Step length: `back` times the longest step that keeps all s and y >= 0, at most 1; mean complementarity product after the step. Collective */
-static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscReal back, PetscReal *length, PetscReal *mean)
+/* Mean complementarity product after a step of this length. Collective */
+PetscErrorCode LatinPrimalDualMean_Private(const LatinPrimalDual *c, PetscReal length, PetscReal *mean)
 {
-  const MPI_Comm comm = PetscObjectComm((PetscObject)c->structure);
-  PetscReal      sum;
+  PetscReal sum = LatinSlipsProducts(c, length);
 
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < 2 * c->n; k++) {
+    const LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
+
+    if (at) sum += (at->s + length * at->ds) * (at->y + length * LatinBoundSign(k % 2) * c->dt[k / 2]);
+  }
+  PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  *mean /= c->count;
+  PetscFunctionReturn(0);
+}
+
+/* Step length: `back` times the longest step that keeps all s and y >= 0, at most 1. Collective */
+static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscReal back, PetscReal *length)
+{
   PetscFunctionBegin;
   *length = 1.0 / back;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
@@ -191,55 +203,72 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
     if (at && dy < 0.0) *length = PetscMin(*length, -at->y / dy);
   }
   LatinSlipsLength(c, length);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, length, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)c->structure)));
   *length *= back;
-  sum = LatinSlipsProducts(c, *length);
-  for (PetscInt k = 0; k < 2 * c->n; k++) {
-    const LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
-
-    if (at) sum += (at->s + *length * at->ds) * (at->y + *length * LatinBoundSign(k % 2) * c->dt[k / 2]);
-  }
-  PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, comm));
-  *mean /= c->count;
   PetscFunctionReturn(0);
 }
 
-/* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
-PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
+/* Weights W of links, and tangent stiffnesses of contacts. Not collective */
+static void LatinPrimalDualWeights(LatinPrimalDual *c)
 {
-  const PetscInt power = c->structure->rubs && c->lifts % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
-  PetscReal      length, after;
-
-  PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
     PetscReal give = c->give[l] + c->regularisation;
 
     for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
-    c->w[l] = c->side[l][0].bound == c->side[l][1].bound ? 0.0 : 1.0 / give; /* a tension that is constant */
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || (c->settles && LatinSlipMay(c, l)) ? 0.0 : 1.0 / give; /* a tension that is constant, or of a cone */
     if (LatinPrimalDualFollows(c, l)) c->w[l] = LatinStructureTangent(c->structure, l, c->x[l]);
   }
   LatinSlipsWeights(c);
-  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_TRUE));
+}
+
+/* *aim: the mean product that the corrector step aims at, after the predictor step; given where pushes settle, which takes one step. Collective */
+static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
+{
+  PetscReal length, after;
+
+  PetscFunctionBegin;
+  *aim = c->aim;
+  if (c->settles) {
+    PetscCall(PetscArrayzero(c->dt, c->n));
+    for (PetscInt k = 0; k < 2 * c->n; k++) c->side[k / 2][k % 2].ds = 0.0;
+    for (PetscInt k = 0; k < c->slips; k++) PetscCall(PetscArrayzero(c->slip[k].dS, 3));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinPrimalDualStep_Private(c, PETSC_FALSE, 0.0, failed));
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length, &after));
-  PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, PetscMax(c->least, *mean * PetscPowRealInt(PetscMin(1.0, after / *mean), power)), failed));
+  PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length));
+  PetscCall(LatinPrimalDualMean_Private(c, length, &after));
+  *aim = PetscMax(c->least, c->mean * PetscPowRealInt(PetscMin(1.0, after / c->mean), LATIN_PRIMAL_DUAL_POWER));
+  PetscFunctionReturn(0);
+}
+
+/* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
+PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *failed)
+{
+  PetscReal aim, back = LATIN_PRIMAL_DUAL_LENGTH;
+
+  PetscFunctionBegin;
+  LatinPrimalDualWeights(c);
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_TRUE));
+  PetscCall(LatinPrimalDualPredict_Private(c, &aim, failed));
+  if (!*failed) PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, aim, failed));
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(LatinPrimalDualLength_Private(c, c->structure->rubs ? LATIN_SLIP_LENGTH : LATIN_PRIMAL_DUAL_LENGTH, &length, mean));
-  c->length = length;
-  PetscCall(VecAXPY(c->d, length, c->dd));
+  if (c->structure->rubs) back = PetscMin(back, PetscMax(LATIN_SLIP_LENGTH, 1.0 - aim / c->mean));
+  PetscCall(LatinPrimalDualLength_Private(c, back, &c->length));
+  PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
+  PetscCall(VecAXPY(c->d, c->length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
-    c->t[l] += length * c->dt[l];
+    c->t[l] += c->length * c->dt[l];
     for (PetscInt i = 0; i < 2; i++) {
       LatinBound *at = LatinBoundAt(c, l, i);
 
       if (!at) continue;
-      at->s += length * at->ds;
-      at->y += length * LatinBoundSign(i) * c->dt[l];
+      at->s += c->length * at->ds;
+      at->y += c->length * LatinBoundSign(i) * c->dt[l];
     }
   }
-  LatinSlipsMove(c, length);
-  c->unbalance *= 1.0 - length;
+  c->unbalance *= 1.0 - c->length;
   PetscCall(LatinPrimalDualElongations_Private(c));
+  if (c->structure->rubs) PetscCall(LatinSlipsMove_Private(c));
   PetscFunctionReturn(0);
 }

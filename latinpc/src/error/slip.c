@@ -2,52 +2,94 @@
 
 /*
    Contacts with Coulomb friction in the interior-point method of error/primaldual.c. With y the compression of a contact, t its tangential
-   tensions, x its tangential elongation, and l the rate at which it slips:
+   tensions, x_n and x its normal and tangential elongations, and l the rate at which it slips:
 
      X = (mu y, t),  S = (l, -x)  in the cone of the first component at least as long as the others,  X.S = 0.
 
    A contact that sticks has x = 0, and one that slips mu y = |t|, x = l t / |t|: friction is not associated, x has no normal part. In the
    interior X o S = mean (1, 0), with the product of the cone, X o S = (X.S, X_0 S_r + S_0 X_r) [F. Alizadeh, D. Goldfarb]. Its
-   linearisation gives the tangential tensions, M dt = h + P dx + z mu dt_n with the normal tension t_n = -y, and so a tangent
-   stiffness that is not symmetric: the friction bound follows the normal tension, and not conversely. The operator is assembled, and
-   its factors are LU. M is regularised as normal tensions are.
+   linearisation, without l, gives the tangential tensions, M dt = h + P dx - z dX_0, and so a tangent stiffness that is not symmetric: the
+   friction bound follows the normal tension, and not conversely. The operator is assembled, and its factors are LU. M is regularised as
+   normal tensions are. There is no energy: the path to the solution may turn back, and then steps become short.
 
-   There is no energy: the path to the solution may turn back, and then steps become short.
+   While pushes settle (c->settles), the normal part and l are one: with the push mu |x| given,
+
+     S = ((x_n + push) / mu, -x),
+
+   and contacts are those of a minimum, with associated friction: slip opens them [V. Acary, F. Cadoux, C. Lemarechal, J. Malick]. The push follows
+   x after each step. Where it is mu |x|, Coulomb's law is met [G. de Saxce, Z.-Q. Feng].
 */
 
-/* May a contact slip: is link l one with a coefficient of friction, and not open? */
-static PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
-{
-  return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && !LatinPrimalDualOpen(c, l));
-}
+#define LATIN_SLIP_FOLLOWS 0.5 /* part of its change by which a push follows */
 
 /* Slips of the contacts here. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
 {
-  const LatinStructure structure = c->structure;
-  PetscInt             n         = 0;
+  PetscInt n = 0;
 
   PetscFunctionBegin;
-  if (!structure->rubs || structure->dim == 1) PetscFunctionReturn(0);
-  for (PetscInt l = 0; l < c->n; l++) n += LatinSlipMay(c, l);
+  for (PetscInt l = 0; l < c->n && c->structure->rubs; l++) n += LatinSlipMay(c, l);
   PetscCall(PetscCalloc1(n, &c->slip));
-  for (PetscInt l = 0; l < c->n; l++)
+  for (PetscInt l = 0; l < c->n && c->slips < n; l++)
     if (LatinSlipMay(c, l)) c->slip[c->slips++].link = l;
   PetscFunctionReturn(0);
 }
 
-/* X of a contact */
-static void LatinSlipTensions(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal X[3])
+/* X of a contact with tensions t of its links, or its change with theirs */
+static void LatinSlipTensions(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal t[], PetscReal X[3])
 {
-  X[0] = c->structure->friction[slip->link] * c->side[slip->link][1].y;
-  for (PetscInt i = 1; i < c->structure->dim; i++) X[i] = c->t[slip->link + i];
+  X[0] = -c->structure->friction[slip->link] * t[slip->link];
+  for (PetscInt i = 1; i < c->structure->dim; i++) X[i] = t[slip->link + i];
 }
 
-/* dX of a contact */
-static void LatinSlipTensionSteps(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal dX[3])
+/* Size of the tangential elongation of a contact */
+static PetscReal LatinSlipSize(const LatinPrimalDual *c, const LatinSlip *slip)
 {
-  dX[0] = -c->structure->friction[slip->link] * c->dt[slip->link];
-  for (PetscInt i = 1; i < c->structure->dim; i++) dX[i] = c->dt[slip->link + i];
+  PetscReal sum = 0.0;
+
+  for (PetscInt i = 1; i < c->structure->dim; i++) sum += PetscSqr(c->x[slip->link + i]);
+  return PetscSqrtReal(sum);
+}
+
+/* p o q, with the product of the cone */
+static void LatinSlipProduct(PetscInt dim, const PetscReal p[], const PetscReal q[], PetscReal product[])
+{
+  product[0] = p[0] * q[0];
+  for (PetscInt i = 1; i < dim; i++) {
+    product[0] += p[i] * q[i];
+    product[i] = p[0] * q[i] + q[0] * p[i];
+  }
+}
+
+/* v with m o v = p, in place of p */
+static void LatinSlipDivide(PetscInt dim, const PetscReal m[], PetscReal p[])
+{
+  PetscReal size = 0.0, along = 0.0;
+
+  for (PetscInt i = 1; i < dim; i++) {
+    size += PetscSqr(m[i]);
+    along += m[i] * p[i];
+  }
+  size = PetscSqrtReal(size);
+  p[0] = (m[0] * p[0] - along) / ((m[0] - size) * (m[0] + size));
+  for (PetscInt i = 1; i < dim; i++) p[i] = (p[i] - m[i] * p[0]) / m[0];
+}
+
+/* p becomes (S + r X)^-1 o p */
+static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal X[], PetscReal p[])
+{
+  PetscReal m[3];
+
+  m[0] = slip->S[0] + c->regularisation * X[0];
+  for (PetscInt i = 1; i < c->structure->dim; i++) m[i] = slip->S[i] + c->regularisation * X[i];
+  LatinSlipDivide(c->structure->dim, m, p);
+}
+
+/* What S misses, its first component while pushes settle alone */
+static void LatinSlipMissed(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal missed[3])
+{
+  missed[0] = c->settles ? (c->x[slip->link] + slip->push) / c->structure->friction[slip->link] - slip->S[0] : 0.0;
+  for (PetscInt i = 1; i < c->structure->dim; i++) missed[i] = -c->x[slip->link + i] - slip->S[i];
 }
 
 /* Initial point: S as far inside as the normal part, no tangential tension. Not collective */
@@ -55,100 +97,154 @@ void LatinSlipsStart(LatinPrimalDual *c)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
     LatinSlip *slip = &c->slip[k];
-    PetscReal  sum  = 0.0;
 
-    for (PetscInt i = 1; i < c->structure->dim; i++) {
-      slip->S[i] = -c->x[slip->link + i];
-      sum += PetscSqr(slip->S[i]);
-    }
-    slip->S[0] = PetscSqrtReal(sum) + c->inside[1];
+    slip->S[0] = LatinSlipSize(c, slip) + c->inside[1];
+    for (PetscInt i = 1; i < c->structure->dim; i++) slip->S[i] = -c->x[slip->link + i];
   }
 }
 
-/* M^-1, P and z from X and S; their tangent stiffnesses. The weights of the normal parts come first. Not collective */
+/* From Newton's method to pushes that settle, or back: normal parts become those of S, or S theirs, as far inside. Not collective */
+void LatinSlipsSettle(LatinPrimalDual *c, PetscBool settles)
+{
+  for (PetscInt k = 0; k < c->slips; k++) {
+    LatinSlip      *slip = &c->slip[k];
+    LatinBound     *at   = &c->side[slip->link][1];
+    const PetscReal mu   = c->structure->friction[slip->link];
+    PetscReal       size = 0.0;
+
+    if (settles) {
+      slip->push = mu * LatinSlipSize(c, slip);
+      slip->S[0] = (at->s + slip->push) / mu;
+      for (PetscInt i = 1; i < c->structure->dim; i++) slip->S[i] = -c->x[slip->link + i];
+    } else {
+      for (PetscInt i = 1; i < c->structure->dim; i++) size += PetscSqr(slip->S[i]);
+      at->y = -c->t[slip->link];
+      at->s = mu * (slip->S[0] - PetscSqrtReal(size));
+    }
+  }
+  c->settles = settles;
+}
+
+/* P and z of a contact, from X and S */
+static void LatinSlipParts(PetscInt dim, const PetscReal X[], const PetscReal S[], PetscReal P[4], PetscReal z[2])
+{
+  const PetscInt q = dim - 1;
+
+  for (PetscInt i = 0; i < q * q; i++) P[i] = (i / q == i % q ? X[0] : 0.0) - X[1 + i / q] * X[1 + i % q] / X[0];
+  for (PetscInt i = 0; i < q; i++) z[i] = S[1 + i] - X[1 + i] * S[0] / X[0];
+}
+
+/* M^-1, and the tangent stiffness of the tangential parts: M^-1 P, and with the normal elongation M^-1 z mu w */
+static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
+{
+  const PetscInt dim = c->structure->dim, q = dim - 1;
+  PetscReal      M[4] = {0.0}, P[4], z[2];
+
+  LatinSlipParts(dim, X, slip->S, P, z);
+  for (PetscInt i = 0; i < q * q; i++) M[i] = (i / q == i % q ? slip->S[0] : 0.0) - X[1 + i / q] * slip->S[1 + i % q] / X[0] + c->regularisation * P[i];
+  if (q == 1) slip->inverse[0] = 1.0 / M[0];
+  else {
+    const PetscReal det = M[0] * M[3] - M[1] * M[2];
+
+    slip->inverse[0] = M[3] / det;
+    slip->inverse[1] = -M[1] / det;
+    slip->inverse[2] = -M[2] / det;
+    slip->inverse[3] = M[0] / det;
+  }
+  for (PetscInt i = 0; i < dim * dim; i++) slip->tangent[i] = 0.0;
+  for (PetscInt i = 0; i < q; i++)
+    for (PetscInt m = 0; m < q; m++) {
+      slip->tangent[dim * (1 + i)] += slip->inverse[q * i + m] * z[m] * c->structure->friction[slip->link] * c->w[slip->link];
+      for (PetscInt j = 0; j < q; j++) slip->tangent[dim * (1 + i) + 1 + j] += slip->inverse[q * i + m] * P[q * m + j];
+    }
+}
+
+/* The tangent stiffness of all parts while pushes settle */
+static void LatinSlipTangentWhole(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
+{
+  const PetscInt  dim = c->structure->dim;
+  const PetscReal mu  = c->structure->friction[slip->link];
+
+  for (PetscInt j = 0; j < dim; j++) {
+    PetscReal change[3] = {0.0, 0.0, 0.0}, column[3]; /* of S with elongation j */
+
+    change[j] = j ? -1.0 : 1.0 / mu;
+    LatinSlipProduct(dim, X, change, column);
+    LatinSlipInverse(c, slip, X, column);
+    for (PetscInt i = 0; i < dim; i++) slip->tangent[dim * i + j] = i ? -column[i] : column[0] / mu;
+  }
+}
+
+/* The tangent stiffnesses. The weights of the normal parts come first. Not collective */
 void LatinSlipsWeights(LatinPrimalDual *c)
 {
-  const PetscInt q = c->structure->dim - 1;
-
   for (PetscInt k = 0; k < c->slips; k++) {
-    LatinSlip *slip = &c->slip[k];
-    PetscReal  X[3], M[4], det;
+    PetscReal X[3];
 
-    LatinSlipTensions(c, slip, X);
-    for (PetscInt i = 0; i < q * q; i++) {
-      const PetscInt a = 1 + i / q, b = 1 + i % q;
-
-      slip->P[i] = (a == b ? X[0] : 0.0) - X[a] * X[b] / X[0];
-      M[i]       = (a == b ? slip->S[0] : 0.0) - X[a] * slip->S[b] / X[0] + c->regularisation * slip->P[i];
-    }
-    for (PetscInt i = 0; i < q; i++) slip->z[i] = slip->S[1 + i] - X[1 + i] * slip->S[0] / X[0];
-    if (q == 1) slip->inverse[0] = 1.0 / M[0];
-    else {
-      det              = M[0] * M[3] - M[1] * M[2];
-      slip->inverse[0] = M[3] / det;
-      slip->inverse[1] = -M[1] / det;
-      slip->inverse[2] = -M[2] / det;
-      slip->inverse[3] = M[0] / det;
-    }
+    LatinSlipTensions(c, &c->slip[k], c->t, X);
+    if (c->settles) LatinSlipTangentWhole(c, &c->slip[k], X);
+    else LatinSlipTangent(c, &c->slip[k], X);
   }
 }
 
-/* dt of the tangential links of a contact: M^-1 (h + P dx + z mu dt_n) */
-static void LatinSlipStep(LatinPrimalDual *c, const LatinSlip *slip, const PetscReal dx[], PetscReal normal, PetscReal dt[])
-{
-  const PetscInt q = c->structure->dim - 1;
-  PetscReal      v[2];
-
-  for (PetscInt i = 0; i < q; i++) {
-    v[i] = slip->h[i] + slip->z[i] * c->structure->friction[slip->link] * normal;
-    for (PetscInt j = 0; j < q && dx; j++) v[i] += slip->P[q * i + j] * dx[j];
-  }
-  for (PetscInt i = 0; i < q; i++) {
-    dt[i] = 0.0;
-    for (PetscInt j = 0; j < q; j++) dt[i] += slip->inverse[q * i + j] * v[j];
-  }
-}
-
-/* Right-hand sides h of a predictor or corrector step, and the steps of tensions at dx = 0: of the normal parts given, of the tangential ones set. Not collective */
+/* The steps of tensions at dx = 0, towards X o S = mean (1, 0), or 0 of a predictor step; corrects: with the second-order term of the last step. Those of normal parts are given, unless pushes settle. Not collective */
 void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, PetscReal step[])
 {
   const PetscInt dim = c->structure->dim, q = dim - 1;
 
   for (PetscInt k = 0; k < c->slips; k++) {
     LatinSlip *slip = &c->slip[k];
-    PetscReal  X[3], dX[3];
+    PetscReal *own = step + slip->link, X[3], dX[3], now[3], second[3], missed[3], left[3] = {0.0}, P[4], z[2];
 
-    LatinSlipTensions(c, slip, X);
-    LatinSlipTensionSteps(c, slip, dX);
-    slip->rhs = corrects ? mean : 0.0;
-    for (PetscInt i = 0; i < dim; i++) slip->rhs -= X[i] * slip->S[i] + (corrects ? dX[i] * slip->dS[i] : 0.0);
-    for (PetscInt i = 0; i < q; i++) {
-      slip->h[i] = -X[0] * slip->S[1 + i] - slip->S[0] * X[1 + i] - X[1 + i] * slip->rhs / X[0];
-      if (corrects) slip->h[i] -= dX[0] * slip->dS[1 + i] + slip->dS[0] * dX[1 + i];
-      for (PetscInt j = 0; j < q; j++) slip->h[i] += slip->P[q * i + j] * (c->x[slip->link + 1 + j] + slip->S[1 + j]);
+    LatinSlipTensions(c, slip, c->t, X);
+    LatinSlipTensions(c, slip, c->dt, dX);
+    LatinSlipMissed(c, slip, missed);
+    LatinSlipProduct(dim, X, slip->S, now);
+    LatinSlipProduct(dim, dX, slip->dS, second);
+    for (PetscInt i = 0; i < dim; i++) left[i] = (corrects && !i ? mean : 0.0) - now[i] - (corrects ? second[i] : 0.0);
+    slip->rhs = left[0];
+    if (c->settles) {
+      LatinSlipProduct(dim, X, missed, now);
+      for (PetscInt i = 0; i < dim; i++) left[i] -= now[i];
+      LatinSlipInverse(c, slip, X, left);
+      own[0] = -left[0] / c->structure->friction[slip->link];
+      for (PetscInt i = 1; i < dim; i++) own[i] = left[i];
+      continue;
     }
-    LatinSlipStep(c, slip, NULL, step[slip->link], step + slip->link + 1);
+    LatinSlipParts(dim, X, slip->S, P, z);
+    for (PetscInt i = 0; i < q; i++) {
+      left[1 + i] += z[i] * c->structure->friction[slip->link] * own[0] - X[1 + i] * slip->rhs / X[0];
+      for (PetscInt j = 0; j < q; j++) left[1 + i] -= P[q * i + j] * missed[1 + j];
+    }
+    for (PetscInt i = 0; i < q; i++) {
+      own[1 + i] = 0.0;
+      for (PetscInt j = 0; j < q; j++) own[1 + i] += slip->inverse[q * i + j] * left[1 + j];
+    }
   }
 }
 
-/* Steps of the tangential tensions and of S for the elongations c->dx. Not collective */
+/* Steps of the tensions and of S for the elongations c->dx. Not collective */
 void LatinSlipsEnd(LatinPrimalDual *c)
 {
   const PetscInt dim = c->structure->dim;
 
   for (PetscInt k = 0; k < c->slips; k++) {
-    LatinSlip *slip = &c->slip[k];
-    PetscReal  X[3], dX[3];
+    LatinSlip       *slip = &c->slip[k];
+    const PetscReal *dx   = c->dx + slip->link;
+    PetscReal        X[3], dX[3];
 
-    LatinSlipTensions(c, slip, X);
-    LatinSlipStep(c, slip, c->dx + slip->link + 1, c->dt[slip->link], c->dt + slip->link + 1);
-    LatinSlipTensionSteps(c, slip, dX);
-    slip->dS[0] = slip->rhs - slip->S[0] * dX[0];
-    for (PetscInt i = 1; i < dim; i++) {
-      slip->dS[i] = c->regularisation * dX[i] - slip->S[i] - c->x[slip->link + i] - c->dx[slip->link + i];
-      slip->dS[0] -= slip->S[i] * dX[i] + X[i] * slip->dS[i];
+    for (PetscInt i = c->settles ? 0 : 1; i < dim; i++)
+      for (PetscInt j = 0; j < dim; j++) c->dt[slip->link + i] += slip->tangent[dim * i + j] * dx[j];
+    LatinSlipTensions(c, slip, c->t, X);
+    LatinSlipTensions(c, slip, c->dt, dX);
+    LatinSlipMissed(c, slip, slip->dS);
+    for (PetscInt i = 1; i < dim; i++) slip->dS[i] += c->regularisation * dX[i] - dx[i];
+    if (c->settles) slip->dS[0] += c->regularisation * dX[0] + dx[0] / c->structure->friction[slip->link];
+    else {
+      slip->dS[0] = slip->rhs - slip->S[0] * dX[0];
+      for (PetscInt i = 1; i < dim; i++) slip->dS[0] -= slip->S[i] * dX[i] + X[i] * slip->dS[i];
+      slip->dS[0] /= X[0];
     }
-    slip->dS[0] /= X[0];
   }
 }
 
@@ -175,8 +271,8 @@ void LatinSlipsLength(const LatinPrimalDual *c, PetscReal *length)
   for (PetscInt k = 0; k < c->slips; k++) {
     PetscReal X[3], dX[3];
 
-    LatinSlipTensions(c, &c->slip[k], X);
-    LatinSlipTensionSteps(c, &c->slip[k], dX);
+    LatinSlipTensions(c, &c->slip[k], c->t, X);
+    LatinSlipTensions(c, &c->slip[k], c->dt, dX);
     *length = LatinSlipLongest(c->structure->dim, X, dX, *length);
     *length = LatinSlipLongest(c->structure->dim, c->slip[k].S, c->slip[k].dS, *length);
   }
@@ -191,42 +287,42 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
     const LatinSlip *slip = &c->slip[k];
     PetscReal        X[3], dX[3];
 
-    LatinSlipTensions(c, slip, X);
-    LatinSlipTensionSteps(c, slip, dX);
+    LatinSlipTensions(c, slip, c->t, X);
+    LatinSlipTensions(c, slip, c->dt, dX);
     for (PetscInt i = 0; i < c->structure->dim; i++) sum += (X[i] + length * dX[i]) * (slip->S[i] + length * slip->dS[i]);
   }
   return sum;
 }
 
-/* Takes the step of S. Not collective */
-void LatinSlipsMove(LatinPrimalDual *c, PetscReal length)
+/* Takes the step of S. Pushes that settle follow the elongations after it; c->change: what they miss. Collective */
+PetscErrorCode LatinSlipsMove_Private(LatinPrimalDual *c)
 {
-  for (PetscInt k = 0; k < c->slips; k++)
-    for (PetscInt i = 0; i < c->structure->dim; i++) c->slip[k].S[i] += length * c->slip[k].dS[i];
-}
-
-/* Adds the tangent stiffnesses of the tangential parts to a matrix that is not assembled yet. Not collective */
-PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *c, Mat A)
-{
-  const PetscInt q = c->structure->dim - 1;
+  PetscReal sum[2] = {0.0, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < c->slips; k++) {
-    const LatinSlip *slip = &c->slip[k];
-    const PetscInt   l    = slip->link;
+    LatinSlip *slip = &c->slip[k];
+    PetscReal  push;
 
-    for (PetscInt i = 0; i < q; i++) {
-      PetscReal cross = 0.0;
-
-      for (PetscInt j = 0; j < q; j++) {
-        PetscReal w = 0.0;
-
-        for (PetscInt m = 0; m < q; m++) w += slip->inverse[q * i + m] * slip->P[q * m + j];
-        PetscCall(LatinStructureAddLinks_Private(c->structure, l + 1 + i, l + 1 + j, w, A));
-        cross += slip->inverse[q * i + j] * slip->z[j];
-      }
-      PetscCall(LatinStructureAddLinks_Private(c->structure, l + 1 + i, l, cross * c->structure->friction[l] * c->w[l], A));
-    }
+    for (PetscInt i = 0; i < c->structure->dim; i++) slip->S[i] += c->length * slip->dS[i];
+    push = c->structure->friction[slip->link] * LatinSlipSize(c, slip);
+    sum[0] += PetscSqr(push - slip->push);
+    sum[1] += PetscSqr(push);
+    slip->push += LATIN_SLIP_FOLLOWS * (push - slip->push);
   }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  c->change = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/* Adds the tangent stiffnesses of contacts to a matrix that is not assembled yet. Not collective */
+PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *c, Mat A)
+{
+  const PetscInt dim = c->structure->dim;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < c->slips; k++)
+    for (PetscInt i = c->settles ? 0 : 1; i < dim; i++)
+      for (PetscInt j = 0; j < dim; j++) PetscCall(LatinStructureAddLinks_Private(c->structure, c->slip[k].link + i, c->slip[k].link + j, c->slip[k].tangent[dim * i + j], A));
   PetscFunctionReturn(0);
 }

@@ -30,9 +30,9 @@ PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal st
 }
 
 /* Initial point: all links are bars of weights W; bounds and elongations of either sign are drawn to the mean size of their kind. Collective */
-PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, PetscBool *failed)
+PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscBool *failed)
 {
-  PetscReal sum[3] = {0.0, 0.0, 0.0}; /* squares of tensions and elongations of unilateral links; products s y */
+  PetscReal sum[2] = {0.0, 0.0}; /* squares of tensions and elongations of unilateral links */
 
   PetscFunctionBegin;
   PetscCall(VecZeroEntries(c->d));
@@ -61,19 +61,16 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscReal *mean, Pet
     at->y   = PetscMax(sign * c->t[l], c->inside[0]);
     at->s   = PetscMax(-sign * c->x[l], c->inside[1]);
     c->t[l] = sign * at->y;
-    sum[2] += at->y * at->s;
   }
   LatinSlipsStart(c);
-  sum[2] += LatinSlipsProducts(c, 0.0);
-  PetscCall(MPIU_Allreduce(&sum[2], mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  *mean /= c->count;
+  PetscCall(LatinPrimalDualMean_Private(c, 0.0, &c->mean));
   c->unbalance = 1.0;
   for (PetscInt l = 0; l < c->n; l++) c->x[l] -= c->give[l] * c->t[l];
   PetscFunctionReturn(0);
 }
 
 /* *left: how far the point is from the solution, by the products s y and the unbalance. Collective */
-static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step, PetscReal mean, PetscReal *left)
+static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step, PetscReal *left)
 {
   PetscReal   sum = 0.0, work;
   PetscScalar push;
@@ -83,8 +80,8 @@ static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step,
   PetscCall(MPIU_Allreduce(&sum, &work, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
   work += PetscAbsScalar(push);
-  *left = PetscMax(mean * c->count / work, c->unbalance);
-  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT " of length %g: products %g of the work, unbalance %g\n", step, (double)c->length, (double)(mean * c->count / work), (double)c->unbalance));
+  *left = PetscMax(c->mean * c->count / work, c->unbalance);
+  PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT " of length %g: products %g of the work, unbalance %g\n", step, (double)c->length, (double)(c->mean * c->count / work), (double)c->unbalance));
   PetscFunctionReturn(0);
 }
 
@@ -97,7 +94,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
   const LatinStructure structure = newton->structure;
   LatinPrimalDual      c         = {.structure = structure};
   PetscBool            failed    = PETSC_FALSE;
-  PetscReal            mean, left = PETSC_MAX_REAL, firm, most;
+  PetscReal            left      = PETSC_MAX_REAL, firm, most;
 
   PetscFunctionBegin;
   PetscCall(SNESGetKSP(newton->snes, &c.ksp));
@@ -108,14 +105,14 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     PetscCall(LatinConvexWeights_Private(&c, newton->latin->sub.link_stiffness, &firm));
     c.floor = newton->floor;
     most    = firm / LATIN_CONVEX_REGULARISATION; /* the greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
-    PetscCall(LatinConvexStart_Private(&c, &mean, &failed));
+    PetscCall(LatinConvexStart_Private(&c, &failed));
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
-      PetscCall(LatinPrimalDualIterate_Private(&c, &mean, &failed));
+      PetscCall(LatinPrimalDualIterate_Private(&c, &failed));
       newton->steps++;
       if (failed && c.floor < LATIN_NEWTON_FLOOR_GREATEST * most) {
         c.floor = LATIN_NEWTON_FLOOR_GREATEST * most;
         failed  = PETSC_FALSE;
-      } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, mean, &left));
+      } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, &left));
     }
     newton->stages += c.stages;
     newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */

@@ -2,19 +2,32 @@
 
 /*
    Contacts with Coulomb friction: the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the
-   solution may turn back, most often with much friction: then steps become short, and the iterate is lifted farther inside, from where
-   another path may lead to a solution. None may be found.
+   solution may turn back, most often with much friction: then steps of Newton's method become short. Two remedies take turns. The iterate is
+   lifted farther inside, from where another path may lead to a solution. Or pushes of contacts settle at a constant mean product, by
+   a fixed point whose steps are those of a convex problem; once they have, the mean product is reduced, and Newton's method goes on from there.
+   Lifts serve structures with few contacts, pushes that settle dense packings. None may help.
 */
 
 #define LATIN_COULOMB_STEPS     200                           /* most steps */
+#define LATIN_COULOMB_SHORT     0.1                           /* steps of Newton's method that are this short, */
+#define LATIN_COULOMB_PATIENCE  3                             /* and so many of them, show that the path turns back */
 #define LATIN_COULOMB_LIFT      1e3                           /* growth of the mean product by a lift */
-#define LATIN_COULOMB_SLOW      15                            /* so many steps that do not halve the mean product show that the path turns back */
+#define LATIN_COULOMB_LONG      0.5                           /* length of a step after which pushes may have settled, */
+#define LATIN_COULOMB_SETTLED   0.1                           /* and what they miss then, relative to them */
+#define LATIN_COULOMB_REDUCED   0.1                           /* the mean product then, and that at which Newton's method goes on */
+#define LATIN_COULOMB_SETTLES   20                            /* most steps until then */
 #define LATIN_COULOMB_LESS      1e-2                          /* regularisation, relative to that without friction: with more, self-stresses creep */
 #define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without forces */
 #define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep */
 #define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* LATIN_CONVEX_GAP is less where the square of the requested error is less, but no less than this */
 #define LATIN_COULOMB_LEAST     1e-3                          /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
+
+/* State of a run */
+typedef struct {
+  PetscReal first, goal;          /* mean product at the initial point; that at which Newton's method goes on */
+  PetscInt  count, turns, creeps; /* steps that are short, or while pushes settle; remedies; steps that only creep */
+} LatinCoulomb;
 
 /* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
 static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
@@ -37,7 +50,7 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
    step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
    ones. *creeps: number of such steps, but those in which displacements halve: these lead to rest. Collective
 */
-static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscReal mean, PetscInt *creeps, PetscBool *done)
+static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscInt *creeps, PetscBool *done)
 {
   PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
   PetscScalar push;
@@ -66,24 +79,23 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   newton->error    = size > 0.0 ? moved / size : 0.0;
   newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   work             = sum[2] + PetscAbsScalar(push);
-  left             = mean * c->count / work;
+  left             = c->mean * c->count / work;
   goal             = PetscMin(LATIN_CONVEX_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_NEWTON_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
-  if (left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
+  if ((!c->settles || c->change <= newton->target) && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target)
+    *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
-  PetscCall(
-    PetscInfo(c->structure, "length %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)left, (double)unbalance, (double)most, (double)newton->error, (double)newton->tensions));
+  PetscCall(PetscInfo(c->structure, "%s length %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g, pushes by %g\n", c->settles ? "settles," : "Newton,", (double)c->length, (double)left, (double)unbalance,
+                      (double)most, (double)newton->error, (double)newton->tensions, (double)c->change));
   PetscFunctionReturn(0);
 }
 
 /* Moves the point farther inside: all tensions and elongations at bounds by `part` of what they are inside at the initial point. Collective */
-static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal part, PetscReal *mean)
+static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal part)
 {
-  PetscReal sum = 0.0;
-
   PetscFunctionBegin;
   for (PetscInt k = 0; k < 2 * c->n; k++) {
     LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
@@ -92,42 +104,56 @@ static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal par
     at->y += part * c->inside[0];
     at->s += part * c->inside[1];
     c->t[k / 2] += LatinBoundSign(k % 2) * part * c->inside[0];
-    sum += at->y * at->s;
   }
   for (PetscInt k = 0; k < c->slips; k++) c->slip[k].S[0] += part * c->inside[1];
   PetscCall(LatinPrimalDualElongations_Private(c));
-  sum += LatinSlipsProducts(c, 0.0);
-  PetscCall(MPIU_Allreduce(&sum, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  *mean /= c->count;
+  PetscCall(LatinPrimalDualMean_Private(c, 0.0, &c->mean));
   PetscFunctionReturn(0);
 }
 
-/* Steps, and lifts, to a solution. Collective */
+/* After a step: Newton's method goes on, or one of the remedies begins, or ends. Collective */
+static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb *run)
+{
+  const PetscBool settled = (PetscBool)(c->length > LATIN_COULOMB_LONG && c->change < LATIN_COULOMB_SETTLED);
+
+  PetscFunctionBegin;
+  if (c->settles && ((settled && c->mean <= run->goal) || ++run->count > LATIN_COULOMB_SETTLES)) {
+    LatinSlipsSettle(c, PETSC_FALSE);
+    run->count = LATIN_COULOMB_PATIENCE - 1; /* the first step must be long */
+  } else if (c->settles) {
+    c->aim = (settled ? LATIN_COULOMB_REDUCED : 1.0) * c->mean;
+  } else {
+    run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
+    if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
+    run->count = 0;
+    if (++run->turns % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
+    else LatinSlipsSettle(c, PETSC_TRUE);
+    c->aim    = c->mean;
+    run->goal = LATIN_COULOMB_REDUCED * c->mean;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Steps to a solution. Collective */
 static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscBool *done)
 {
-  PetscBool failed = PETSC_FALSE;
-  PetscReal mean, first, mark, firm;
-  PetscInt  since = 0, creeps = 0;
+  LatinCoulomb run    = {.count = 0};
+  PetscBool    failed = PETSC_FALSE;
+  PetscReal    firm;
 
   PetscFunctionBegin;
   PetscCall(LatinConvexWeights_Private(c, newton->latin->sub.link_stiffness, &firm));
   c->floor = LATIN_COULOMB_FLOOR * firm;
   c->regularisation *= LATIN_COULOMB_LESS;
-  PetscCall(LatinConvexStart_Private(c, &mean, &failed));
-  first = mark = mean;
+  PetscCall(LatinConvexStart_Private(c, &failed));
+  run.first = c->mean;
   for (PetscInt k = 0; k < LATIN_COULOMB_STEPS && !failed && !*done && c->stages < newton->limit - newton->stages; k++) {
-    PetscCall(LatinPrimalDualIterate_Private(c, &mean, &failed));
+    PetscCall(LatinPrimalDualIterate_Private(c, &failed));
     newton->steps++;
     if (failed) continue;
-    mean = PetscMax(mean, c->least); /* less is rounding, of either sign */
-    PetscCall(LatinCoulombDone_Private(c, newton, more, mean, &creeps, done));
-    if (++since < LATIN_COULOMB_SLOW) continue;
-    if (mean > 0.5 * mark) {
-      PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * mean / first), &mean));
-      c->lifts++;
-    }
-    mark  = mean;
-    since = 0;
+    c->mean = PetscMax(c->mean, c->least); /* less is rounding, of either sign */
+    PetscCall(LatinCoulombDone_Private(c, newton, more, &run.creeps, done));
+    PetscCall(LatinCoulombNext_Private(c, &run));
   }
   PetscFunctionReturn(0);
 }
@@ -142,6 +168,7 @@ static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscRea
 
     open = (PetscBool)(open || (at && at->y < stiffness * at->s));
   }
+  if (c->settles && LatinSlipMay(c, l)) open = (PetscBool)(-c->t[l] < stiffness * c->x[l]);
   return open;
 }
 

@@ -91,7 +91,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tan
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
 PETSC_INTERN PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *, const PetscReal stiffness[], PetscReal *firm);
-PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscReal *mean, PetscBool *failed);
+PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 #define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* of the interior-point methods: sum of the products s y relative to the work of tensions and loads, and without friction unbalance relative to the initial one, that are small enough */
