@@ -296,10 +296,10 @@ def grains(**options):
     return replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity)
 
 
-@pytest.mark.parametrize(("h", "friction"), [(1e-2, 0.3), (1e-1, 0.3), (1e-2, 0.6)])
-def test_grains_with_friction_settle(h, friction):
+@pytest.mark.parametrize(("h", "side", "friction"), [(1e-2, 20, 0.3), (1e-1, 20, 0.3), (1e-2, 32, 0.6)])
+def test_grains_with_friction_settle(h, side, friction):
     """Discs, some of whose contacts are open: where the iteration stalls the interior-point method finds the step."""
-    scene = grains(law="friction", side=20, friction=friction)
+    scene = grains(law="friction", side=side, friction=friction)
     with motion(scene, h) as it:
         for _ in range(8):
             u, v = it.u, it.v

@@ -191,6 +191,7 @@ typedef struct {
   PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
+  PetscInt       turns;   /* of the remedies in snes/coulomb.c: a lift where it is odd */
   PetscBool      settles; /* do pushes of contacts settle? */
   PetscReal      aim;     /* mean product of a step while they do */
   PetscReal      change;  /* what they miss, relative to them, after the last step */

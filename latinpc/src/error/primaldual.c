@@ -14,6 +14,7 @@
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
 #define LATIN_PRIMAL_DUAL_POWER  3     /* of the reduction of the mean product by the predictor step: the corrector step aims at it */
 #define LATIN_SLIP_LENGTH        0.95  /* the same with friction, where the path bends, unless the mean product falls by more in the step */
+#define LATIN_SLIP_POWER         1     /* the same with friction, but after a lift */
 
 /* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number, with contacts that may slip. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
@@ -224,7 +225,8 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
 /* *aim: the mean product that the corrector step aims at, after the predictor step; given where pushes settle, which takes one step. Collective */
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
-  PetscReal length, after;
+  const PetscInt power = c->structure->rubs && c->turns % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
+  PetscReal      length, after;
 
   PetscFunctionBegin;
   *aim = c->aim;
@@ -238,7 +240,7 @@ static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscRe
   if (*failed) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length));
   PetscCall(LatinPrimalDualMean_Private(c, length, &after));
-  *aim = PetscMax(c->least, c->mean * PetscPowRealInt(PetscMin(1.0, after / c->mean), LATIN_PRIMAL_DUAL_POWER));
+  *aim = PetscMax(c->least, c->mean * PetscPowRealInt(PetscMin(1.0, after / c->mean), power));
   PetscFunctionReturn(0);
 }
 

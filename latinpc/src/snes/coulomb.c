@@ -25,8 +25,8 @@
 
 /* State of a run */
 typedef struct {
-  PetscReal first, goal;          /* mean product at the initial point; that at which Newton's method goes on */
-  PetscInt  count, turns, creeps; /* steps that are short, or while pushes settle; remedies; steps that only creep */
+  PetscReal first, goal;   /* mean product at the initial point; that at which Newton's method goes on */
+  PetscInt  count, creeps; /* steps that are short, or while pushes settle; steps that only creep */
 } LatinCoulomb;
 
 /* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
@@ -126,7 +126,7 @@ static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb 
     run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
     if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
     run->count = 0;
-    if (++run->turns % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
+    if (++c->turns % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
     else LatinSlipsSettle(c, PETSC_TRUE);
     c->aim    = c->mean;
     run->goal = LATIN_COULOMB_REDUCED * c->mean;
@@ -153,7 +153,7 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
     if (failed) continue;
     c->mean = PetscMax(c->mean, c->least); /* less is rounding, of either sign */
     PetscCall(LatinCoulombDone_Private(c, newton, more, &run.creeps, done));
-    PetscCall(LatinCoulombNext_Private(c, &run));
+    if (!*done) PetscCall(LatinCoulombNext_Private(c, &run));
   }
   PetscFunctionReturn(0);
 }
