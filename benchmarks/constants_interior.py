@@ -6,8 +6,8 @@ INTERIOR = {
     "LATIN_PRIMAL_DUAL_POWER": ("", "What interior-point methods take as a rule [S. Mehrotra]."),
     "LATIN_SLIP_LENGTH": (
         "part of the way",
-        "Packings with friction, 31 of 400 to 4,000 contacts, with lifts alone: solved 29 with 0.9, 26 with 0.7, 23 with "
-        "0.99. That it grows with the reduction of the mean product saves three to four steps of each.",
+        "Packings with friction, 31 of 400 to 4,000 contacts, with lifts alone: solved 29 with 0.9, 26 with 0.7, 23 "
+        "with 0.99. That it grows with the reduction of the mean product saves three to four steps of each.",
     ),
     "LATIN_SLIP_POWER": (
         "",
