@@ -26,7 +26,7 @@ INTERIOR = {
         "in 480.",
     ),
     "LATIN_COULOMB_SHORT": ("of a step", "120 packings: solved 109 with 0.1, 104 with 0.2."),
-    "LATIN_COULOMB_PATIENCE": ("steps", "120 packings: solved 109 with 3, 113 with 6, which is no difference."),
+    "LATIN_COULOMB_PATIENCE": ("steps", "120 packings: solved 109 with 3, 113 with 6: rounding changes as many."),
     "LATIN_COULOMB_LIFT": ("", "120 packings: solved 111 with 100, 109 with 1,000, 98 with 10,000."),
     "LATIN_COULOMB_LONG": ("of a step", "120 packings: solved 103 with 0.1, 109 with 0.5."),
     "LATIN_COULOMB_SETTLED": ("", "120 packings: solved 109 with 0.1, 108 with 0.2."),

@@ -12,12 +12,12 @@
    friction bound follows the normal tension, and not conversely. The operator is assembled, and its factors are LU. M is regularised as
    normal tensions are. There is no energy: the path to the solution may turn back, and then steps become short.
 
-   While pushes settle (c->settles), the normal part and l are one: with the push mu |x| given,
+   While pushes settle (c->settles), a contact is one cone, normal part included. The push, by which slip opens it, is given:
 
      S = ((x_n + push) / mu, -x),
 
-   and contacts are those of a minimum, with associated friction: slip opens them [V. Acary, F. Cadoux, C. Lemarechal, J. Malick]. The push follows
-   x after each step. Where it is mu |x|, Coulomb's law is met [G. de Saxce, Z.-Q. Feng].
+   The problem is convex then, with associated friction [V. Acary, F. Cadoux, C. Lemarechal, J. Malick]. The push follows
+   mu |x| after each step. Where both are equal, Coulomb's law holds [G. de Saxce, Z.-Q. Feng].
 */
 
 #define LATIN_SLIP_FOLLOWS 0.5 /* part of its change by which a push follows */
@@ -85,7 +85,7 @@ static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, co
   LatinSlipDivide(c->structure->dim, m, p);
 }
 
-/* What S misses, its first component while pushes settle alone */
+/* What S misses; its first component only while pushes settle */
 static void LatinSlipMissed(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal missed[3])
 {
   missed[0] = c->settles ? (c->x[slip->link] + slip->push) / c->structure->friction[slip->link] - slip->S[0] : 0.0;

@@ -222,7 +222,7 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
-/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Those of a collapse grow from stage to stage; a solution may be larger than the structure, but does not grow. Collective on snes */
+/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Displacements of a collapse grow from stage to stage; those of a solution may be larger than the structure, but do not grow. Collective on snes */
 static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data      = (SNES_Latin *)snes->data;
