@@ -25,6 +25,10 @@ OTHERS = {
         "Conjugate gradients go by leaps of a few stages; of the rates since any stage before them the slowest counts:"
         " that of the last ones alone says less of soft modes.",
     ),
+    "LATIN_SELF_STRESS": (
+        "times eps, of the tensions",
+        "1,985 random self-stresses leave at most 4 at nodes, domes and wheels of up to 38 sectors 8.",
+    ),
     "LATIN_CASE_RATE": ("of a stage", "As `LATIN_ESTIMATE_RATE`."),
     "LATIN_UNBALANCE_ROUNDING": (
         "of the loads",

@@ -5,7 +5,7 @@ import re
 from petsc4py import PETSc
 
 #: Codes of PETSc's, PETSC_ERR_ARG_WRONG and so on, which have no names in petsc4py
-ARG_WRONG, ARG_OUTOFRANGE, ARG_WRONGSTATE, ARG_INCOMP = 62, 63, 73, 75
+ARG_WRONG, ARG_OUTOFRANGE, ARG_WRONGSTATE, ARG_INCOMP, MAT_CH_ZRPVT = 62, 63, 73, 75, 81
 
 
 class LatinError(PETSc.Error):

@@ -206,3 +206,25 @@ def test_the_page_names_every_option_and_format():
         assert suffix in page
     for name in (*tables.NODES, *tables.MEMBERS):
         assert f"`{name}`" in page
+
+
+@pytest.mark.parametrize("name", ["bars.toml", "bars-nodes.toml", "bars-members.toml"])
+def test_the_toml_file_of_two_tables(name, tmp_path):
+    """Its name is that of the structure, or of either table, whichever file of both is read."""
+    for table, text in ("nodes", CSV_NODES), ("members", CSV_MEMBERS):
+        (tmp_path / f"bars-{table}.csv").write_text(text)
+    (tmp_path / name).write_text('title = "two ropes"\ngeometry = "large"\n')
+    for table in "nodes", "members":
+        scene = latinpc.read(tmp_path / f"bars-{table}.csv")
+        assert (scene.name, scene.geometry) == ("two ropes", "large")
+
+
+def test_the_toml_file_of_a_folder_is_beside_it_or_in_it(tmp_path):
+    folder = tmp_path / "bars"
+    folder.mkdir()
+    (folder / "nodes.csv").write_text(CSV_NODES)
+    (folder / "members.csv").write_text(CSV_MEMBERS)
+    for place in tmp_path / "bars.toml", folder / "any.toml":
+        place.write_text('title = "two ropes"\n')
+        assert latinpc.read(folder).name == "two ropes"
+        place.unlink()

@@ -112,6 +112,23 @@ def test_wrong_options_are_named(more, words, tmp_path):
         assert word in str(caught.value)
 
 
+def test_a_unit_is_given_once(tmp_path):
+    written(tmp_path, "csv")
+    nodes = tmp_path / "bars-nodes.csv"
+    nodes.write_text(nodes.read_text().replace("node,x,y", "node,x [mm],y [mm]"))
+    assert latinpc.read(nodes).nodes.max() < 0.01
+    with pytest.raises(ValueError, match=r"--scale 0.001: .*bars-members.csv has a unit in the heading of 'x' already"):
+        latinpc.read(nodes, scale=0.001)
+
+
+def test_two_toml_files_are_refused(tmp_path):
+    written(tmp_path, "csv")
+    for name in "bars.toml", "bars-nodes.toml":
+        (tmp_path / name).write_text("dim = 2\n")
+    with pytest.raises(ValueError, match=r"several TOML files, .*bars.toml, .*bars-nodes.toml; keep one"):
+        latinpc.read(tmp_path / "bars-members.csv")
+
+
 def test_files_that_no_reader_takes(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"a\.dxf: no such file"):
         latinpc.read(tmp_path / "a.dxf")

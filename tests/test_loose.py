@@ -121,3 +121,20 @@ def test_nodes_that_are_named_move_without_a_change_of_tension():
             assert min(changes) <= 10.0 * step * 4e-3  # the direction is between two angles
             seen += 1
     assert seen > 20
+
+
+@pytest.mark.parametrize("law", ["inextensible", "contact"])
+def test_tight_links_that_bear_hold_a_node(law):
+    """Displacements are rounding: whether a link has reached its length is seen by its tension."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        ends = rng.normal(size=(2, 2))
+        ends[:, 1] = np.abs(ends[:, 1]) + 0.3
+        if law == "contact":
+            ends[:, 1] *= -1.0
+        pull = (ends / np.linalg.norm(ends, axis=1)[:, None]).sum(axis=0) * (-1.0 if law == "inextensible" else 1.0)
+        found = latinpc.Structure(
+            [*ends, [0.0, 0.0]], [[0, 2], [1, 2]], law, 0.0, fixed=[[1, 1], [1, 1], [0, 0]],
+            load=[[0, 0], [0, 0], pull], comm=PETSc.COMM_SELF,
+        ).solve()  # fmt: skip
+        assert found.converged and not found.slack.any() and not named(found)

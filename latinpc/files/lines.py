@@ -35,6 +35,8 @@ class Lines:
         Place in the file, lines, and their law as in ``[laws.NAME]``.
     unit : float
         Unit of length (m), where the file gives it.
+    heading : str
+        A column of lengths whose heading has a unit of its own, if there is one.
     fixed, prescribed, load : (n, 3) array, optional
         Of the points, in units of the file and N.
     mass : (n,) array of float, optional
@@ -59,6 +61,7 @@ class Lines:
     drawing: bool = False
     laws: list = field(default_factory=list)
     unit: float = 1.0
+    heading: str = ""
     fixed: np.ndarray | None = None
     prescribed: np.ndarray | None = None
     load: np.ndarray | None = None
@@ -105,6 +108,8 @@ class Lines:
         scale : float, optional
             A unit of length of the file (m); by default what the file says.
         """
+        if scale is not None and self.heading:
+            raise ValueError(f"--scale {scale:g}: {self.path} has a unit in the heading of '{self.heading}' already")
         scale = self.unit if scale is None else scale
         if not 0.0 < scale < np.inf:
             raise ValueError(f"--scale {scale:g}: it must be positive, such as 0.001 for a file in mm")

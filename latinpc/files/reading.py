@@ -127,7 +127,8 @@ def read(
         Gmsh ``.msh``; ``.csv``, or a folder with nodes.csv and members.csv; ``.dxf``; ``.obj``; ``.json`` of compas;
         ``.tcl`` or ``.py`` of OpenSees. The suffix says which.
     description : str or path-like, optional
-        The TOML file, by default the same stem with ``.toml`` where there is one; see the module.
+        The TOML file, by default the same stem with ``.toml`` where there is one, with or without ``-nodes`` and
+        ``-members`` of CSV files, beside a folder or in it; see the module.
     scale : float, optional
         A unit of length of the file (m); of a DXF file its own unit by default, else 1.
     merge : float, optional
@@ -245,7 +246,7 @@ class _Given:
 
 def _settings(path, description, lines, given):
     """Read the TOML file, where there is one; refuse a file that says nothing of its lines without one."""
-    beside = path.with_suffix(".toml") if description is None else pathlib.Path(description)
+    beside = _beside(path) if description is None else pathlib.Path(description)
     if beside.is_file():
         return read_description(beside), beside
     if description is not None:
@@ -256,6 +257,23 @@ def _settings(path, description, lines, given):
             " options --EA, --support and --load"
         )
     return {}, beside
+
+
+def _beside(path):
+    """Return the TOML file of a file or a folder: that which is there, or else the name that it should have."""
+    names = [path.with_suffix(".toml")]
+    pair = re.fullmatch(r"(?:(.+)[-_ ])?(nodes|members)", path.stem)
+    if path.is_dir():
+        names += sorted(path.glob("*.toml"))
+    elif pair:
+        other = path.stem.removesuffix(pair[2]) + ("members" if pair[2] == "nodes" else "nodes")
+        names = [path.with_name(f"{stem}.toml") for stem in (pair[1], other, path.stem) if stem]
+    there = [name for name in names if name.is_file()]
+    if len(there) > 1:
+        raise ValueError(
+            f"{path}: it has several TOML files, {', '.join(map(str, there))}; keep one, or give description="
+        )
+    return (there or names)[0]
 
 
 def _add_options(settings, given, support, load, self_weight):

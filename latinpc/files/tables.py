@@ -40,6 +40,7 @@ MEMBERS = (
     "group",
 )  # fmt: skip
 LAW = MEMBERS[3:11]
+LENGTHS = ("x", "y", "z", "ux", "uy", "uz")
 NEEDED = ("x", "y", "z", "time", "factor")  # no cell of theirs may be empty
 HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
@@ -75,6 +76,7 @@ def read_tables(path):
     return Lines(
         members_file, vectors("xyz"), ends, {"members": np.arange(len(ends))} | members.groups(), nodes.groups(),
         rows=np.array(members.rows), laws=_laws(members), fixed=fixed, prescribed=prescribed,
+        heading=next((name for name in LENGTHS if name in nodes.scale), ""),
         load=vectors(("Fx", "Fy", "Fz")), mass=nodes.numbers("mass"), point_names=np.array(names),
         line_names=[name or str(row + 1) for row, name in enumerate(members.columns.get("member", [""] * len(ends)))],
     )  # fmt: skip

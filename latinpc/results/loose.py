@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["loose"]
 
 MARGIN = 1e-2  # of the largest displacement: who may move less is held
+ROUNDED = 64 * np.finfo(float).eps  # of the structure: displacements below the rounding of coordinates
 NAMED = 5
 SINGULAR = 1e-12  # least eigenvalue of the sum of n n^t: links at less than a millionth of a radian count as one
 
@@ -23,24 +24,26 @@ SINGULAR = 1e-12  # least eigenvalue of the sum of n n^t: links at less than a m
 def loose(result: Result) -> list[str]:
     """Return a sentence on nodes that can move by themselves without a change of any tension; not collective.
 
-    A link holds a node if its tension changes within `MARGIN` of its elongation. A node is named if no link holds it in
-    some direction while all others stay where they are; nodes that can move only together are not found. With large
-    displacements a taut link holds in all directions, and those are named that slack links alone touch.
+    A link holds a node if its tension changes within `MARGIN` of its elongation, a rigid one also if it bears. A node
+    is named if no link holds it in some direction while all others stay where they are; nodes that can move only
+    together are not found. With large displacements a taut link holds in all directions, and those are named that slack
+    links alone touch.
     """
     structure = result.structure
     if structure.geometry == "prestress" or not result.converged or structure.law.max(initial=0) == Law.BAR:
         return []
     large = structure.geometry == "large"
-    margin = MARGIN * np.abs(result.displacements).max(initial=0.0)
+    most = np.abs(result.displacements).max(initial=0.0)
+    margin = max(MARGIN * most, ROUNDED * np.ptp(structure.nodes, axis=0).max(initial=0.0))
     elongation = stretches(structure, result.displacements)
     if large:
         holds = ~result.slack | (np.abs(elongation + structure.initial_elongation) <= margin)
     else:
-        holds = _holds(structure, elongation, margin)
+        holds = _holds(structure, elongation, margin) | (np.isin(structure.law, RIGID) & ~result.slack)
     nodes = np.unique(structure.links[~holds])
     nodes = nodes[~structure.fixed[nodes].all(axis=1)]
     free = nodes[~np.isin(nodes, structure.links[holds]) if large else _free(structure, holds, nodes)]
-    if not (large or margin) or not len(free):
+    if not (large or most) or not len(free):
         return []
     named = structure.some_nodes(free[:NAMED], len(free) > NAMED)
     return [

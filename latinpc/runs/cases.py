@@ -29,6 +29,7 @@ from latinpc.results.notices import (
     changed,
     errors_as_given,
     limit,
+    magnitudes,
     overstretched,
     turned,
     warn,
@@ -48,7 +49,13 @@ if TYPE_CHECKING:
 #: Cases of a rank that are solved side by side. Two take as long as one after the other on 48 x 48 modules of the grid,
 #: a third to nine tenths of that on five other structures; one takes up to 1.6 times as long.
 FEWEST = 2
-REFUSALS = (errors.ARG_WRONG, errors.ARG_OUTOFRANGE, errors.ARG_WRONGSTATE, errors.ARG_INCOMP)
+REFUSALS = (
+    errors.ARG_WRONG, errors.ARG_OUTOFRANGE, errors.ARG_WRONGSTATE, errors.ARG_INCOMP, errors.MAT_CH_ZRPVT,
+)  # fmt: skip
+AS_PRESTRESS = (
+    ". Geometry prestress takes initial elongations of a case, as those of temperature, as prestress of the structure"
+    " as drawn: take -snes_latin_geometry large"
+)
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
@@ -270,7 +277,7 @@ def solve_cases(
     notices += series.notices
     found = series.displacements, series.tensions, series.slack
     result = Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
-    notices += _farthest(result) + _loose(result)
+    notices += _too_far(result) + _loose(result)
     for notice in notices:
         warn(structure.comm, notice)
     if not result.converged:
@@ -283,14 +290,19 @@ def failed(cases: Cases) -> list[str]:
     return [f"{case['name']}: {case['reason']}" for case in cases.report["cases"] if not case["converged"]]
 
 
-def _farthest(cases):
-    """Return what a solve by itself says of the case that moves farthest, where displacements are too large for it."""
-    good = np.flatnonzero(cases._good)
-    if not good.size:
-        return []
-    number = max(good, key=lambda case: cases.report["cases"][case]["displacement"])
-    found = _alone(cases, number)
-    return [f"case {cases.names[number]}: {text}" for text in turned(found) or changed(found)]
+def _too_far(cases):
+    """Return what a solve by itself says of cases whose displacements are too large for it, the farthest case first."""
+    said = {}
+    rows = cases.report["cases"]
+    for number in sorted(np.flatnonzero(cases._good), key=lambda case: -rows[case]["displacement"]):
+        found = _alone(cases, number)
+        for notice in [*(turned(found) or changed(found)), *magnitudes(found)]:
+            kind = notice.split()[0]  # amounts differ from case to case
+            said.setdefault(kind, []).append((cases.names[number], notice))
+    return [
+        f"case {first}: {notice}" + (f" (likewise {', '.join(name for name, _ in others)})" if others else "")
+        for (first, notice), *others in said.values()
+    ]
 
 
 def _loose(cases):
@@ -383,6 +395,8 @@ class _Series:
                     raise refused from None
                 self.found[number] = 0, False, False, "REFUSED", None
                 self.displacements[number] = self.tensions[number] = np.nan
+                drawn = structure.geometry == "prestress" and case.initial_elongation is not None
+                refused.said += AS_PRESTRESS if drawn and error.ierr == errors.MAT_CH_ZRPVT else ""
                 self.notices.append(structure.counted_as_given(refused.said))
                 continue
             converged = snes.getConvergedReason() > 0

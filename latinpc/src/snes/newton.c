@@ -254,8 +254,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, unexplained = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
-  PetscBool      confirmed = PETSC_TRUE;                            /* two small steps in a row, if forces of stiff links hide those of soft ones */
+  PetscBool      rounding, claims, rests, slow, unexplained = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
+  PetscBool      confirmed = PETSC_TRUE;                                   /* two small steps in a row, if forces of stiff links hide those of soft ones */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -293,8 +293,9 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   claims   = (PetscBool)(it && !unexplained && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance);
   if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
+  PetscCall(LatinSelfStress_Private(newton->structure, snes->vec_rhs, it ? xnorm : PETSC_MAX_REAL, &rests));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (claims || rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (rests || claims || rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes && (newton->structure->penalty || !newton->structure->ground)));

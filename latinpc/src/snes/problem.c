@@ -2,6 +2,8 @@
 
 /* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference; the inner SNES; residual */
 
+#define LATIN_SELF_STRESS 64.0 /* times eps, of the norm of the tensions as drawn: rounding of their sums at nodes */
+
 /*
    Restores the initial operators and penalties before a solve from rest. With those at the end of the last solve the path may lead to
    another equilibrium, or to none; so may the search parameter of a failed solve. Collective on snes
@@ -135,6 +137,38 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
   PetscCall(VecNorm(load, NORM_2, norm));
   PetscCall(DMRestoreGlobalVector(structure->dm, &load));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Is a solution of this l2 norm what rounding makes of a self-stress: do tensions as drawn balance the loads, `more` included, but for rounding, and is
+   the response to that below the rounding of coordinates? It has no accurate digits. Not for rigid links, whose tensions are unknown, nor in a time
+   step. Collective on structure
+*/
+PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, PetscReal moved, PetscBool *rests)
+{
+  PetscReal bearing = 0.0, left, least, *tension;
+  Vec       u, r;
+
+  PetscFunctionBegin;
+  *rests = PETSC_FALSE;
+  if (structure->rigid_law >= 0 || structure->ground) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumPoint_Private(structure, &least));
+  if (!(moved <= least)) PetscFunctionReturn(0);
+  PetscCall(DMGetGlobalVector(structure->dm, &u));
+  PetscCall(DMGetGlobalVector(structure->dm, &r));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(VecZeroEntries(u));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) bearing += PetscSqr(tension[l]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &bearing, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
+  if (more) PetscCall(VecAXPY(r, -1.0, more));
+  PetscCall(VecNorm(r, NORM_2, &left));
+  *rests = (PetscBool)(left <= LATIN_SELF_STRESS * PETSC_MACHINE_EPSILON * PetscSqrtReal(bearing));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &r));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &u));
   PetscFunctionReturn(0);
 }
 

@@ -40,13 +40,21 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   SNES_Latin     *data   = (SNES_Latin *)snes->data;
   const PetscBool rigid  = (PetscBool)(data->latin->sub.structure->rigid_law >= 0);
   LatinNewton    *newton = &data->newton;
-  PetscBool       shown;
+  PetscReal       size;
+  PetscBool       shown, rests;
 
   PetscFunctionBegin;
-  *done      = PETSC_TRUE;
+  *done = PETSC_TRUE;
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
+  PetscCall(LatinSelfStress_Private(data->latin->sub.structure, snes->vec_rhs, size, &rests));
+  if (rests) PetscCall(VecZeroEntries(snes->vec_sol));
   data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (rests) {
+    data->found   = (LatinEquilibrium){.verdict = LATIN_EQUILIBRIUM, .balanced = PETSC_TRUE};
+    newton->error = newton->tensions = 0.0;
+  }
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
   shown                   = (PetscBool)((SNESLatinEstimates(data) && data->found.error > newton->target) || (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)));
   if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
