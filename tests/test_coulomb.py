@@ -41,9 +41,12 @@ def test_chains_of_contacts_with_friction_are_found(name):
     assert missed(scene, found.u, found.tensions) < 1e-5
 
 
+TURNS = [(0.6, 4), (0.9, 1), (0.9, 6)]
+
+
 def test_paths_that_turn_back():
     """Newton's path alone, and lifts of it, find none of these three; where pushes settle another path begins."""
-    scenes = [make("packing", law="friction", side=32, friction=mu, seed=n) for mu, n in ((0.6, 4), (0.9, 1), (0.9, 6))]
+    scenes = [make("packing", law="friction", side=32, friction=mu, seed=n) for mu, n in TURNS]
     found = [solve(scene, max_it=500) for scene in scenes]
     solved = [pair for pair in zip(scenes, found, strict=True) if pair[1].reason > 0]
     assert len(solved) >= 2  # rounding decides
@@ -319,6 +322,35 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
         one, two, four = (np.load(tmp_path / f"u{ranks}-{name}.npy") for ranks in (1, 2, 4))
         assert far(two, one) < 1e-6
         assert far(four, one) < 1e-6
+
+
+TURN = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import petsc4py
+petsc4py.init(sys.argv)
+import latinpc
+from test_coulomb import TURNS, make, missed
+solved = 0
+for mu, seed in TURNS:
+    scene = make("packing", law="friction", side=32, friction=mu, seed=seed)
+    structure = latinpc.Structure.from_scene(scene)
+    snes = structure.create_snes()
+    snes.setFromOptions()
+    snes.setTolerances(max_it=500)
+    u = structure.create_vec()
+    snes.solve(None, u)
+    moved, tensions = structure.displacements(u), latinpc.tensions(snes)
+    if snes.getConvergedReason() > 0:
+        solved += 1
+        assert missed(scene, moved, tensions) < 1e-5
+assert solved >= 2
+"""
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_paths_that_turn_back_on_ranks(ranks, mpirun):
+    mpirun(ranks, TURN)
 
 
 def test_grains_that_hold_no_one_else():

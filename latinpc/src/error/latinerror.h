@@ -227,10 +227,16 @@ static inline PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
   return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1 && !LatinPrimalDualOpen(c, l));
 }
 
-/* The side of a link, NULL if it has no bound there, or if its tension is constant; while pushes settle, contacts that may slip are cones */
+/* Is link l the normal part of a contact that is one cone, as while pushes settle? */
+static inline PetscBool LatinSlipWhole(const LatinPrimalDual *c, PetscInt l)
+{
+  return (PetscBool)(c->settles && LatinSlipMay(c, l));
+}
+
+/* The side of a link, NULL if it has no bound there, if its tension is constant, or of a cone */
 static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
 {
-  return (c->settles && LatinSlipMay(c, l)) || PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
+  return LatinSlipWhole(c, l) || PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
 }
 
 PETSC_INTERN PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *, Vec more);

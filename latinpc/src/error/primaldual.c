@@ -216,7 +216,7 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
     PetscReal give = c->give[l] + c->regularisation;
 
     for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
-    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || (c->settles && LatinSlipMay(c, l)) ? 0.0 : 1.0 / give; /* a tension that is constant, or of a cone */
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || LatinSlipWhole(c, l) ? 0.0 : 1.0 / give; /* a tension that is constant, or of a cone */
     if (LatinPrimalDualFollows(c, l)) c->w[l] = LatinStructureTangent(c->structure, l, c->x[l]);
   }
   LatinSlipsWeights(c);

@@ -61,11 +61,13 @@ static void LatinSlipProduct(PetscInt dim, const PetscReal p[], const PetscReal 
   }
 }
 
-/* v with m o v = p, in place of p */
-static void LatinSlipDivide(PetscInt dim, const PetscReal m[], PetscReal p[])
+/* p becomes (S + r X)^-1 o p */
+static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal X[], PetscReal p[])
 {
-  PetscReal size = 0.0, along = 0.0;
+  const PetscInt dim  = c->structure->dim;
+  PetscReal      size = 0.0, along = 0.0, m[3] = {0.0, 0.0, 0.0};
 
+  for (PetscInt i = 0; i < dim; i++) m[i] = slip->S[i] + c->regularisation * X[i];
   for (PetscInt i = 1; i < dim; i++) {
     size += PetscSqr(m[i]);
     along += m[i] * p[i];
@@ -73,16 +75,6 @@ static void LatinSlipDivide(PetscInt dim, const PetscReal m[], PetscReal p[])
   size = PetscSqrtReal(size);
   p[0] = (m[0] * p[0] - along) / ((m[0] - size) * (m[0] + size));
   for (PetscInt i = 1; i < dim; i++) p[i] = (p[i] - m[i] * p[0]) / m[0];
-}
-
-/* p becomes (S + r X)^-1 o p */
-static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal X[], PetscReal p[])
-{
-  PetscReal m[3];
-
-  m[0] = slip->S[0] + c->regularisation * X[0];
-  for (PetscInt i = 1; i < c->structure->dim; i++) m[i] = slip->S[i] + c->regularisation * X[i];
-  LatinSlipDivide(c->structure->dim, m, p);
 }
 
 /* What S misses; its first component only while pushes settle */

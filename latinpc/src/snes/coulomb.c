@@ -168,7 +168,7 @@ static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscRea
 
     open = (PetscBool)(open || (at && at->y < stiffness * at->s));
   }
-  if (c->settles && LatinSlipMay(c, l)) open = (PetscBool)(-c->t[l] < stiffness * c->x[l]);
+  if (LatinSlipWhole(c, l)) open = (PetscBool)(-c->t[l] < stiffness * c->x[l]);
   return open;
 }
 
