@@ -2,9 +2,16 @@
 
 import re
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from conftest import run
+
+import latinpc
+
+SHARED = Path(latinpc.get_library())
+LINKED = [f"-I{latinpc.get_include()}", SHARED, f"-Wl,-rpath,{SHARED.parent}"]
 
 PROGRAM = """
 import ctypes
@@ -208,3 +215,33 @@ def test_an_exception_of_one_rank_is_named(mpirun):
     """Its text is lost with the rank, its kind is not; newer PETSc has a name for it."""
     result = mpirun(2, MONITOR, alone=True, check=False, leaks=False, timeout=120)
     assert ended(result) and re.search("Unhandled Python Exception|exception in a Python function", result.stderr)
+
+
+@pytest.mark.parametrize("on", [-1, 1])
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("dimension", "A structure has 1, 2 or 3 dimensions, not 7"),
+        ("link", "joins node"),
+        ("k", "has stiffness -1"),
+        ("elongation", "initial elongation that is not a finite number"),
+        ("save", "The state no/such/folder/state cannot be written"),
+        ("read", "The state no such state cannot be read"),
+    ],
+)
+def test_an_error_of_all_ranks_ends_a_c_program_at_once(compile_c, wrong, said, on):
+    """With PETSc's traceback of the first rank, its handler lets the other ranks sleep ten seconds."""
+    program = compile_c("wrong_on_ranks.c", *LINKED)
+    start = time.monotonic()
+    result = run(
+        ["mpirun", "-n", 2, program, "-wrong", wrong, "-on", str(on)], check=False, timeout=60, leaks=False, env={}
+    )
+    assert time.monotonic() - start < 8.0
+    assert result.returncode != 0
+    assert said in result.stderr and "main() at" in result.stderr
+    assert "on one rank while the others wait" not in result.stderr
+
+
+def test_the_program_without_a_mistake(compile_c, mpirun):
+    program = compile_c("wrong_on_ranks.c", *LINKED)
+    assert "nothing is wrong" in mpirun(2, program).stdout

@@ -165,3 +165,19 @@ def test_halves_of_the_ranks_solve_by_themselves(ranks_for):
         assert size == 2 and len(largest) == (1, 4)[half] and min(reasons) > 0
         assert largest == pytest.approx([alone[half]] * len(largest), rel=1e-3)
         assert ("Nothing is supported" in told) == bool(half)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 100.0])
+def test_another_function_does_not_replace_the_equations(value):
+    """Nor does it decide when a solve ends, but for the stop on the residual, which measures it."""
+    structure = latinpc.Structure.from_scene(grid("tensegrity"), comm=PETSc.COMM_SELF)
+    found = []
+    for function in (None, lambda snes, u, r: r.set(value)):
+        snes, u = structure.create_snes(), structure.create_vec()
+        snes.setFromOptions()
+        if function is not None:
+            snes.setFunction(function, structure.create_vec())
+        snes.solve(None, u)
+        found.append((snes.getConvergedReason(), snes.getIterationNumber(), u.getArray().copy()))
+    assert found[0][:2] == found[1][:2] and found[0][0] > 0
+    assert np.array_equal(found[0][2], found[1][2])

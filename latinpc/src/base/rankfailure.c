@@ -7,18 +7,18 @@
    solver with an error waits in a barrier for the others; after LATIN_WATCH_SECONDS it ends the program.
 
    PETSc's error handler prints on the first rank and lets the others sleep, so that they would not reach the barrier. So ranks
-   enter the barrier before this handler, when an error is raised in a method of a solver; not inside LatinEach(), where a
-   single rank may raise an error.
+   enter the barrier before this handler, when an error is raised; not inside LatinEach(), where a single rank may raise an error.
 */
 
 #define LATIN_WATCH_SECONDS 10.0 /* seconds that a rank with an error waits for the others */
 
-static PetscMPIInt key      = MPI_KEYVAL_INVALID; /* attribute of a communicator: its duplicate, used for the barrier alone */
-static PetscInt    depth    = 0;                  /* nesting of watched calls: the outermost one waits */
-static PetscInt    handlers = 0;                  /* nesting of methods: the outermost one installs a handler */
-static PetscInt    apart    = 0;                  /* nesting of LatinEach() */
-static PetscBool   met      = PETSC_FALSE;        /* the barrier of this error has been passed */
-static MPI_Comm    meeting  = MPI_COMM_NULL;      /* communicator of the outermost method */
+static PetscMPIInt    key     = MPI_KEYVAL_INVALID; /* attribute of a communicator: its duplicate, used for the barrier alone */
+static PetscInt       depth   = 0;                  /* nesting of watched calls: the outermost one installs a handler, and waits */
+static PetscInt       apart   = 0;                  /* nesting of LatinEach() */
+static PetscBool      handles = PETSC_FALSE;        /* the handler is installed, */
+static PetscErrorCode lacks;                        /* or could not be */
+static PetscBool      met     = PETSC_FALSE;        /* the barrier of this error has been passed */
+static MPI_Comm       meeting = MPI_COMM_NULL;      /* communicator of the outermost call */
 
 static int MPIAPI LatinWatchDelete_Private(MPI_Comm comm, PetscMPIInt keyval, void *value, void *context)
 {
@@ -82,11 +82,6 @@ PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
   return ierr;
 }
 
-void LatinWatchBegin_Private(void)
-{
-  if (!depth++) met = PETSC_FALSE;
-}
-
 void LatinWatchApart_Private(PetscInt by)
 {
   apart += by;
@@ -109,21 +104,23 @@ static PetscErrorCode LatinWatchHandler_Private(MPI_Comm comm, int line, const c
   return same;
 }
 
-/* Installs or removes the handler of a method that is collective on comm */
-PetscErrorCode LatinWatchMeet_Private(MPI_Comm comm, PetscBool begins)
+/* A watched call begins */
+void LatinWatchBegin_Private(MPI_Comm comm)
 {
-  PetscFunctionBegin;
-  if (begins && !handlers++) {
-    const PetscErrorCode ierr = PetscPushErrorHandler(LatinWatchHandler_Private, NULL); /* it allocates memory, and may fail on one rank */
-
-    meeting = comm;
-    if (ierr) handlers--;
-    PetscCall(LatinWatchWait_Private(comm, ierr));
-  } else if (!begins && !--handlers) PetscCall(PetscPopErrorHandler());
-  PetscFunctionReturn(0);
+  if (depth++) return;
+  met     = PETSC_FALSE;
+  meeting = comm;
+  lacks   = (PetscErrorCode)0;
+  if (key == MPI_KEYVAL_INVALID) return;                            /* there is but one rank */
+  lacks   = PetscPushErrorHandler(LatinWatchHandler_Private, NULL); /* it allocates memory, and may fail on one rank */
+  handles = (PetscBool)!lacks;
 }
 
+/* And ends, with this error */
 PetscErrorCode LatinWatchEnd_Private(MPI_Comm comm, PetscErrorCode ierr)
 {
-  return --depth ? ierr : LatinWatchWait_Private(comm, ierr);
+  if (--depth) return ierr;
+  if (handles) (void)PetscPopErrorHandler();
+  handles = PETSC_FALSE;
+  return LatinWatchWait_Private(comm, ierr ? ierr : lacks);
 }

@@ -9,28 +9,21 @@
 PETSC_INTERN PetscErrorCode LatinWatchCreate_Private(MPI_Comm);
 PETSC_INTERN PetscErrorCode LatinWatchFinalize_Private(void);
 PETSC_INTERN PetscErrorCode LatinWatchWait_Private(MPI_Comm, PetscErrorCode);
-PETSC_INTERN void           LatinWatchBegin_Private(void);
-PETSC_INTERN PetscErrorCode LatinWatchMeet_Private(MPI_Comm, PetscBool);
+PETSC_INTERN void           LatinWatchBegin_Private(MPI_Comm);
 PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);
 
-/* Runs a collective call; an error that is not raised on all ranks of comm ends the program */
-#define LatinWatch(comm, ...) PetscCall((LatinWatchBegin_Private(), LatinWatchEnd_Private(comm, __VA_ARGS__)))
-
 /*
-   Defines method_Watched(), the same for a method that is collective on its object. Ranks synchronise on an error before PETSc's
+   Runs a collective call; an error that is not raised on all ranks of comm ends the program. Ranks synchronise on an error before PETSc's
    handler prints it, as this handler lets all ranks but the first sleep
 */
+#define LatinWatch(comm, ...) PetscCall((LatinWatchBegin_Private(comm), LatinWatchEnd_Private(comm, __VA_ARGS__)))
+
+/* Defines method_Watched(), the same for a method that is collective on its object */
 #define LatinWatched(method, Type) \
   static PetscErrorCode method##_Watched(Type object) \
   { \
-    PetscErrorCode latin_ierr_; \
-\
     PetscFunctionBegin; \
-    PetscCall(LatinWatchMeet_Private(PetscObjectComm((PetscObject)object), PETSC_TRUE)); \
-    LatinWatchBegin_Private(); \
-    latin_ierr_ = method(object); \
-    (void)LatinWatchMeet_Private(PetscObjectComm((PetscObject)object), PETSC_FALSE); \
-    PetscCall(LatinWatchEnd_Private(PetscObjectComm((PetscObject)object), latin_ierr_)); \
+    LatinWatch(PetscObjectComm((PetscObject)object), method(object)); \
     PetscFunctionReturn(0); \
   }
 

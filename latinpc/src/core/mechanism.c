@@ -126,7 +126,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
   /* without a field on any rank, all ranks raise the same error, without names */
   LatinAgree(PetscObjectComm((PetscObject)latin), named || largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s",
-             sub->matrix ? "The matrix is singular, or not positive definite"
+             sub->matrix ? "The matrix is singular, or not positive definite, or that of a subdomain has negative eigenvalues, as after MatShift()"
              : driven    ? "The structure as drawn is unstable: its prestress makes it buckle"
                          : "The structure has a mechanism: it can move without any link changing its length",
              driven ? "" : doubt,

@@ -175,10 +175,13 @@ PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, Petsc
 /* Computes the function, the nodal unbalance, at the solution vector. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  LatinStructure structure;
 
   PetscFunctionBegin;
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure));
+  if (data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  else PetscCall(LatinSolverUnbalance_Private(snes, structure, snes->vec_sol, snes->vec_func));
   PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
   snes->norm    = data->residual;
   data->current = data->latin->linear.applications;

@@ -149,7 +149,7 @@ static PetscErrorCode LatinStateViewIntegers_Private(Vec whole, PetscViewer view
 }
 
 /* Writes the items to a new file, or reads them if `out` is NULL, and destroys them. Collective on comm */
-PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
+static PetscErrorCode LatinStateMove_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
 {
   const PetscBool load   = (PetscBool)!out;
   PetscViewer     viewer = NULL;
@@ -179,7 +179,19 @@ PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], Lati
   }
   if (viewer && head->hdf5 != 0.0 && !load && !ierr) ierr = LatinHDF5Write_Private(viewer, out->temporary);
   last = PetscViewerDestroy(&viewer);
-  LatinEach(comm, ierr ? ierr : last);
+  PetscFunctionReturn(ierr ? ierr : last);
+}
+
+/* The same; an error of the first rank is raised on all. Collective on comm */
+PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
+{
+  PetscErrorCode ierr;
+
+  PetscFunctionBegin;
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  ierr = LatinStateMove_Private(comm, file, out, head, state);
+  PetscCall(PetscPopErrorHandler());
+  LatinEach(comm, ierr);
   PetscFunctionReturn(0);
 }
 
@@ -210,9 +222,11 @@ PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinSt
   head->format        = LATIN_STATE_FORMAT;
   head->integer_bytes = sizeof(PetscInt);
   head->real_bytes    = sizeof(PetscReal);
-  ierr                = LatinStateTransfer_Private(comm, file, &out, head, state);
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own lets ranks sleep that are needed below */
+  ierr = LatinStateTransfer_Private(comm, file, &out, head, state);
   if (!ierr && out.stream) ierr = LatinStateSeal_Private(out.stream, head, note);
   last = LatinFileEnd_Private(&out, (PetscBool)!ierr);
+  PetscCall(PetscPopErrorHandler());
   if (!ierr) ierr = last;
   if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* char *, const or not, by version */
   LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one is unchanged: %s%s", file, message ? message : "unknown", ierr == PETSC_ERR_FILE_OPEN ? "" : "; check the free space of its disk");

@@ -62,6 +62,21 @@ static PetscErrorCode LatinStructureFunction_SNES(SNES snes, Vec u, Vec r, void 
   PetscFunctionReturn(0);
 }
 
+/* The unbalance of the structure at the solution u of snes, of which a function that is not ours says nothing. Collective on snes */
+PetscErrorCode LatinSolverUnbalance_Private(SNES snes, LatinStructure structure, Vec u, Vec r)
+{
+  PetscErrorCode (*function)(SNES, Vec, Vec, void *);
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(snes, NULL, &function, NULL));
+  if (function == LatinStructureFunction_SNES) PetscCall(SNESComputeFunction(snes, u, r));
+  else {
+    PetscCall(LatinStructureFunction_SNES(snes, u, r, structure));
+    if (snes->vec_rhs) PetscCall(VecAXPY(r, -1.0, snes->vec_rhs));
+  }
+  PetscFunctionReturn(0);
+}
+
 /* snes is not used: TS and others call it without one */
 PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
 {

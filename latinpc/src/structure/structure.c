@@ -235,10 +235,12 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   PetscCall(PetscArraycpy(laws, structure->law, n));
   PetscCall(PetscArraycpy(stiffnesses, structure->stiffness, n));
   PetscCall(PetscArraycpy(elongations, structure->e0, n));
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own lets ranks sleep that are needed below */
   refused = LatinStructureKeepLaws_Private(structure, law, stiffness, e0);
+  PetscCall(PetscPopErrorHandler());
   if (refused) PetscCall(LatinStructureKeepLaws_Private(structure, laws, stiffnesses, elongations)); /* the structure stays as it was */
   PetscCall(PetscFree3(laws, stiffnesses, elongations));
-  PetscCall(refused);
+  LatinEach(comm, refused);
   PetscFunctionReturn(0);
 }
 

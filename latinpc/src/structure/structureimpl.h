@@ -180,6 +180,7 @@ PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, 
 PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted, PetscReal *borne);
 
 /* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
+PETSC_INTERN PetscErrorCode LatinSolverUnbalance_Private(SNES, LatinStructure, Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinStructureAddLinks_Private(LatinStructure, PetscInt i, PetscInt j, PetscReal k, Mat);
