@@ -9,7 +9,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import solvers
-from latinpc.laws import Law
+from latinpc.laws import RIGID, Law
+
+from .mechanics import tensions_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
     from .modes import Modes
 
-__all__ = ["bearing", "borne", "moving", "slackening", "softest"]
+__all__ = ["bearing", "borne", "moving", "slackening", "softest", "unstable"]
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
@@ -160,6 +162,46 @@ def _inverse(A, B, v):
     energy = w.dot(v)
     v.copy(b) if B is None else B.mult(v, b)
     return energy / b.dot(v)
+
+
+def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]:
+    """Return a sentence where an equilibrium of geometry prestress is unstable; collective.
+
+    What is drawn is stable, else it would be refused. Where links in compression drive it and links that stiffened it
+    are slack, the tangent stiffness may have negative eigenvalues: its factors tell how many.
+
+    Parameters
+    ----------
+    structure : Structure
+    u : petsc4py.PETSc.Vec
+        Displacements (m).
+    slack : (m,) array of bool
+        The links that are slack there.
+    """
+    drawn = tensions_at(structure, np.zeros(len(structure.links)))
+    rubs = np.isin(structure.law, RIGID).any()
+    mumps = solvers.has_package("mumps")
+    if structure.geometry != "prestress" or rubs or not (slack.any() and (drawn < 0.0).any()):
+        return []
+    if structure.comm.size > 1 and not mumps:
+        return []
+    K, pc = structure.dm.createMat(), PETSc.PC().create(structure.comm)
+    structure.jacobian(u, K)
+    K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    K.setOption(PETSc.Mat.Option.SPD, False)
+    pc.setOperators(K)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps" if mumps else "petsc")
+    pc.setFactorSetUpSolverType()
+    if mumps:
+        pc.getFactorMatrix().setMumpsIcntl(13, 1)  # counts pivots also where ranks share the last front,
+        pc.getFactorMatrix().setMumpsIcntl(24, 1)  # and those that are zero apart
+    pc.setUp()
+    negative, *_ = pc.getFactorMatrix().getInertia()
+    pc.destroy()
+    K.destroy()
+    cure = "take -snes_latin_geometry large"
+    return [f"this equilibrium is unstable, as links that slacken no longer stiffen it: {cure}"] if negative else []
 
 
 def moving(mode: np.ndarray) -> np.ndarray:

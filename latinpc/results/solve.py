@@ -14,7 +14,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
-from .limit import bearing, borne, moving, softest
+from .limit import bearing, borne, moving, softest, unstable
 from .loose import loose
 from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
@@ -236,6 +236,7 @@ def _gathered(structure, snes, core, u, part, factor, ends):
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
     result.notices += loose(result)
     result.notices += turned(result) or changed(result)
+    result.notices += unstable(structure, u, result.slack) if result.converged else []
     result.notices += limit(structure, result.report, [] if mode is None else moving(mode), kind)
     r.destroy()
     return result

@@ -20,7 +20,7 @@ from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
-from latinpc.results.limit import bearing, borne, moving, softest
+from latinpc.results.limit import bearing, borne, moving, softest, unstable
 from latinpc.results.loose import loose
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import (
@@ -420,9 +420,11 @@ class _Series:
         return not turns and not np.isin(self.scene.law, RIGID).any()
 
     def _explain(self, number, u):
-        """Note what a solve by itself says of a case that has just been solved, and has not converged."""
+        """Note what a solve by itself says of a case that has just been solved: unstable, or not converged."""
         structure, snes, (*_, converged, reason, factor) = self.structure, self.snes, self.found[number]
         if converged:
+            said = unstable(structure, u, slack(self.scene, self.tensions[number]))
+            self.notices += [f"case {self.cases[number].name}: {text}" for text in said]
             return
         past = solvers.history(snes) if snes.getType() == "latin" else {}
         said = causes(snes, structure, past)

@@ -1,0 +1,48 @@
+"""Equilibria of geometry prestress that are unstable: a strut that a cable held, which is slack."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.results.limit import unstable
+
+
+def strut(geometry="prestress", push=100.0):
+    """A strut along x, pushed by a load, its end held across by a cable below it."""
+    return latinpc.Structure(
+        [[0.0, 0.0], [1.0, 0.0], [1.0, -1.0]], [[0, 1], [1, 2]], ["bar", "cable"], EA=1e4, prestress=[-push, 10.0],
+        fixed=[[1, 1], [0, 0], [1, 1]], load=[[0, 0], [-push, 10.0], [0, 0]], geometry=geometry, comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def said(structure, down):
+    """What is said of displacements of the end, whose cable is slack once it has moved down by a millimetre."""
+    u = structure.create_vec()
+    u.setArray([0.0, -down])
+    K = structure.dm.createMat()
+    structure.jacobian(u, K)
+    stiffness = K.getValue(1, 1).real
+    return stiffness, unstable(structure, u, np.array([False, down > 1e-3]))
+
+
+def test_a_strut_whose_cable_is_slack():
+    """Across it the load drives it, P / L; the taut cable resists, EA / L."""
+    stiffness, text = said(strut(), 0.1)
+    assert stiffness == pytest.approx(-100.0)
+    assert len(text) == 1 and text[0].startswith("this equilibrium is unstable") and "geometry large" in text[0]
+    stiffness, text = said(strut(), 0.0)
+    assert stiffness == pytest.approx(1e4 - 100.0) and not text
+
+
+@pytest.mark.parametrize(("geometry", "push"), [("linear", 100.0), ("prestress", -100.0)])
+def test_nothing_is_said_without_struts(geometry, push):
+    """Of other geometries `large` proves stability itself, and `linear` knows no buckling."""
+    structure = strut(geometry, push)
+    u = structure.create_vec()
+    assert not unstable(structure, u, np.array([False, True]))
+
+
+def test_a_solve_says_nothing_of_a_stable_state():
+    found = strut().solve()
+    assert found.converged and not found.notices
