@@ -43,6 +43,14 @@ def test_every_case_that_moves_too_far_is_named():
     assert "likewise" not in moves
 
 
+def test_of_many_cases_some_are_named():
+    structure = net(geometry="prestress")
+    with pytest.warns(latinpc.LatinWarning):
+        found = latinpc.solve_cases(structure, [down(f"case {k}", 300.0 + k, structure) for k in range(20)])
+    (turns,) = (text for text in found.notices if "links turn" in text)
+    assert turns.startswith("case case 19: ") and turns.endswith("case 12, case 11 and 11 more)")
+
+
 def test_each_says_what_it_says_alone():
     structure = net(geometry="prestress")
     case = down("snow", 400.0, structure)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -21,26 +21,15 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
 from latinpc.results.limit import bearing, borne, moving, softest, unstable
-from latinpc.results.loose import loose
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
-from latinpc.results.notices import (
-    ConvergenceWarning,
-    causes,
-    changed,
-    errors_as_given,
-    limit,
-    magnitudes,
-    overstretched,
-    turned,
-    warn,
-)
+from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
-from latinpc.results.result import Result
 from latinpc.results.solve import attach_linear
 from latinpc.scenes.case import Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
+from .casenotices import free, too_far
 from .report import environment
 
 if TYPE_CHECKING:
@@ -277,7 +266,7 @@ def solve_cases(
     notices += series.notices
     found = series.displacements, series.tensions, series.slack
     result = Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
-    notices += _too_far(result) + _loose(result)
+    notices += too_far(result) + free(result)
     for notice in notices:
         warn(structure.comm, notice)
     if not result.converged:
@@ -288,36 +277,6 @@ def solve_cases(
 def failed(cases: Cases) -> list[str]:
     """Return the names of the cases that have not converged, each with PETSc's reason."""
     return [f"{case['name']}: {case['reason']}" for case in cases.report["cases"] if not case["converged"]]
-
-
-def _too_far(cases):
-    """Return what a solve by itself says of cases whose displacements are too large for it, the farthest case first."""
-    said = {}
-    rows = cases.report["cases"]
-    for number in sorted(np.flatnonzero(cases._good), key=lambda case: -rows[case]["displacement"]):
-        found = _alone(cases, number)
-        for notice in [*(turned(found) or changed(found)), *magnitudes(found)]:
-            kind = notice.split()[0]  # amounts differ from case to case
-            said.setdefault(kind, []).append((cases.names[number], notice))
-    return [
-        f"case {first}: {notice}" + (f" (likewise {', '.join(name for name, _ in others)})" if others else "")
-        for (first, notice), *others in said.values()
-    ]
-
-
-def _loose(cases):
-    """Return what a solve by itself says of nodes that slack or yielding links leave free, once for alike cases."""
-    said = {}
-    for number in np.flatnonzero(cases._good):
-        for notice in loose(_alone(cases, number)):
-            said.setdefault(notice, []).append(cases.names[number])
-    return [f"case{'s' if len(names) > 1 else ''} {', '.join(names)}: {notice}" for notice, names in said.items()]
-
-
-def _alone(cases, number):
-    """Return the result of a case that has converged, as a solve by itself gives it."""
-    scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
-    return Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
 
 
 class _Series:

@@ -1,0 +1,60 @@
+"""What load cases say of their results: as a solve of each by itself would, but once for several."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from latinpc.results.loose import loose
+from latinpc.results.notices import changed, magnitudes, turned
+from latinpc.results.result import Result
+
+if TYPE_CHECKING:
+    from .cases import Cases
+
+__all__ = ["free", "too_far"]
+
+NAMED = 8  # cases in a sentence
+
+
+def too_far(cases: Cases) -> list[str]:
+    """Return what a solve by itself says of cases whose displacements are too large for it, the farthest case first."""
+    said = {}
+    rows = cases.report["cases"]
+    for number in sorted(_converged(cases), key=lambda case: -rows[case]["displacement"]):
+        found = _alone(cases, number)
+        for notice in [*(turned(found) or changed(found)), *magnitudes(found)]:
+            kind = notice.split()[0]  # amounts differ from case to case
+            said.setdefault(kind, []).append((cases.names[number], notice))
+    return [
+        f"case {first}: {notice}" + (f" (likewise {_some([name for name, _ in others])})" if others else "")
+        for (first, notice), *others in said.values()
+    ]
+
+
+def free(cases: Cases) -> list[str]:
+    """Return what a solve by itself says of nodes that slack or yielding links leave free, once for alike cases."""
+    said = {}
+    for number in _converged(cases):
+        for notice in loose(_alone(cases, number)):
+            said.setdefault(notice, []).append(cases.names[number])
+    return [f"case{'s' if len(names) > 1 else ''} {_some(names)}: {notice}" for notice, names in said.items()]
+
+
+def _converged(cases):
+    """Return the numbers of the cases that have converged."""
+    return np.flatnonzero([row["converged"] for row in cases.report["cases"]])
+
+
+def _some(names):
+    """Return the first of the names of cases."""
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _alone(cases, number):
+    """Return the result of a case that has converged, as a solve by itself gives it."""
+    scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
+    return Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
