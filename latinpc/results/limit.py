@@ -179,9 +179,9 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
         The links that are slack there.
     """
     drawn = tensions_at(structure, np.zeros(len(structure.links)))
-    rubs = np.isin(structure.law, RIGID).any()
+    rigid = np.isin(structure.law, RIGID).any()
     mumps = solvers.has_package("mumps")
-    if structure.geometry != "prestress" or rubs or not (slack.any() and (drawn < 0.0).any()):
+    if structure.geometry != "prestress" or rigid or not (slack.any() and (drawn < 0.0).any()):
         return []
     if structure.comm.size > 1 and not mumps:
         return []
