@@ -142,12 +142,12 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
 
 /*
    Is a solution of this l2 norm what rounding makes of a self-stress: do tensions as drawn balance the loads, `more` included, but for rounding, and is
-   the response to that below the rounding of coordinates? It has no accurate digits. Not for rigid links, whose tensions are unknown, nor in a time
+   the response to that below the rounding of coordinates? It has no accurate digits. Not where rounding hides loads; nor for rigid links, whose tensions are unknown, nor in a time
    step. Collective on structure
 */
 PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, PetscReal moved, PetscBool *rests)
 {
-  PetscReal bearing = 0.0, left, least, *tension;
+  PetscReal bearing = 0.0, left, loads, least, *tension;
   Vec       u, r;
 
   PetscFunctionBegin;
@@ -162,10 +162,14 @@ PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, Petsc
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) bearing += PetscSqr(tension[l]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &bearing, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(VecCopy(structure->load, r));
+  if (more) PetscCall(VecAXPY(r, 1.0, more));
+  PetscCall(VecNorm(r, NORM_2, &loads));
   PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
   if (more) PetscCall(VecAXPY(r, -1.0, more));
   PetscCall(VecNorm(r, NORM_2, &left));
-  *rests = (PetscBool)(left <= LATIN_SELF_STRESS * PETSC_MACHINE_EPSILON * PetscSqrtReal(bearing));
+  bearing = LATIN_SELF_STRESS * PETSC_MACHINE_EPSILON * PetscSqrtReal(bearing);
+  *rests  = (PetscBool)(left <= bearing && (loads == 0.0 || loads > bearing));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(DMRestoreGlobalVector(structure->dm, &r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));
