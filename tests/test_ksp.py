@@ -190,6 +190,29 @@ def test_nothing_to_iterate(scene):
 
 
 # ---- what a user of a KSP may rely on --------------------------------------------------------
+@pytest.mark.parametrize("norm", ["PRECONDITIONED", "UNPRECONDITIONED"])
+def test_monitors_and_tests_of_the_user_with_one_subdomain(norm):
+    """What has nothing to iterate is monitored and tested once, and the history has its norm."""
+    system = linear_system(replace(grid("truss"), subdomain=None), subdomains=1)
+    system.ksp.setNormType(getattr(PETSc.KSP.NormType, norm))
+    system.ksp.setConvergenceHistory()
+    seen, tested = [], []
+    system.ksp.setMonitor(lambda _ksp, it, rnorm: seen.append((it, rnorm)))
+    x, _ = solved(system)
+    left = (system.b - system.matrix * x).norm() if norm == "UNPRECONDITIONED" else 0.0
+    assert [it for it, _ in seen] == [0] and seen[0][1] == pytest.approx(left)
+    assert list(system.ksp.getConvergenceHistory()) == [seen[0][1]] == [system.ksp.getResidualNorm()]
+
+    def never(_ksp, it, rnorm):
+        tested.append((it, rnorm))
+        return PETSc.KSP.ConvergedReason.DIVERGED_DTOL
+
+    system.ksp.setConvergenceTest(never)
+    system.ksp.solve(system.b, x)
+    assert system.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_DTOL
+    assert [it for it, _ in tested] == [0]
+
+
 @pytest.mark.parametrize("norm", [PETSc.KSP.NormType.PRECONDITIONED, PETSc.KSP.NormType.UNPRECONDITIONED])
 def test_initial_guess(norm):
     """The solution as a guess needs no iteration, a near one fewer than zero, a far one leads there as well."""

@@ -222,6 +222,28 @@ static PetscErrorCode KSPLatinPass_Private(KSP ksp)
   PetscFunctionReturn(0);
 }
 
+/* The first linear stage has found the solution, as with one subdomain: the outer KSP has tested nothing. Calls monitors and the test of the user. Collective on ksp */
+static PetscErrorCode KSPLatinAtOnce_Private(KSP ksp)
+{
+  KSP_Latin         *data   = (KSP_Latin *)ksp->data;
+  KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
+  Mat                A;
+
+  PetscFunctionBegin;
+  ksp->rnorm = 0.0;
+  if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
+    PetscCall(KSPGetOperators(ksp, &A, NULL));
+    PetscCall(MatMult(A, ksp->vec_sol, data->residual));
+    PetscCall(VecAYPX(data->residual, -1.0, ksp->vec_rhs));
+    PetscCall(VecNorm(data->residual, NORM_2, &ksp->rnorm));
+  }
+  PetscCall(KSPLogResidualHistory(ksp, ksp->rnorm));
+  PetscCall(KSPMonitor(ksp, ksp->its, ksp->rnorm));
+  if (ksp->converged != KSPConvergedDefault) PetscCall((*ksp->converged)(ksp, ksp->its, ksp->rnorm, &reason, ksp->cnvP));
+  if (reason) ksp->reason = reason;
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode KSPSolve_Latin(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -254,6 +276,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
     PetscCall(KSPLatinPass_Private(ksp));
     PetscCall(KSPLatinRefine_Private(ksp, &again));
   }
+  if (data->logged < 0) PetscCall(KSPLatinAtOnce_Private(ksp));
   failed = data->latin->linear.failed ? 1 : 0; /* no norm detects failures in the first or the last stage, nor on a rank without interfaces */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
   if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
