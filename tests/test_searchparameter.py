@@ -1,5 +1,7 @@
 """Grains with friction that stall: another search parameter, the same problem."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support import latin, solve
@@ -54,6 +56,20 @@ def test_a_second_solve_starts_from_the_parameter_found_and_a_warm_one_goes_on()
                 found = type("Found", (), {"u": run.structure.displacements(u), "tensions": latinpc.tensions(run.snes)})
                 assert is_coulombs(scene, found)
             assert counts[1] <= 3 if warm == "last" else counts[1] < 0.8 * counts[0]
+
+
+@pytest.mark.parametrize("law", ["contact", "friction"])
+@pytest.mark.parametrize("search", [1e-6, 1e-2, 1e2, 1e6, 1e10])
+def test_the_search_parameter_of_the_caller_does_not_decide(law, search):
+    """Forces of 1e4 N, gaps of millimetres: contacts are found with any number in the place of a stiffness."""
+    scene = make("packing", side=12, law=law, seed=1)
+    given = replace(scene, stiffness=np.full(len(scene.links), search))
+    found, automatic = solve(given, max_it=3000), solve(scene, max_it=3000)
+    assert found.reason > 0 and automatic.reason > 0
+    if law == "friction":
+        assert is_coulombs(scene, found)
+    else:
+        assert np.abs(found.tensions - automatic.tensions).max() < 1e-3 * np.abs(automatic.tensions).max()
 
 
 @pytest.mark.parametrize("name", ["stalls", "beside elastic links"])

@@ -56,7 +56,7 @@ PetscErrorCode LatinSetProblem_Private(Latin latin, LatinStructure structure, Ma
 }
 
 /*
-   Sets sub.link_stiffness: stiffnesses of links, search parameters of rigid links; or the tangent stiffnesses composed on the matrix P
+   Sets sub.link_stiffness: stiffnesses of links, automatic search parameters of rigid links; or the tangent stiffnesses composed on the matrix P
    (NULL: none), if it has them. Collective on latin
 */
 PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
@@ -72,7 +72,7 @@ PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
   if (!latin->sub.link_stiffness) PetscCall(PetscMalloc1(structure->links_local, &latin->sub.link_stiffness));
   PetscCall(LatinStructureStiffness_Private(structure, latin->sub.link_stiffness));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (LatinStructureTuned(structure, l)) latin->sub.link_stiffness[l] *= latin->tuning;
+    if (LatinLaws[structure->law[l]].rigid) latin->sub.link_stiffness[l] *= latin->tuning;
   if (P) PetscCall(LatinTangentFind_Private(structure, P, &tangent));
   if (!tangent) PetscFunctionReturn(0);
   PetscCall(VecGetArrayRead(tangent, &k));

@@ -2,9 +2,9 @@
 
 /*
    Rigid laws: search parameters and checks. Their stiffness k is not a property but the ascent direction l of the local
-   stage, a search parameter, which affects speed, not the result. The structure stores the value of the caller, 0 for none;
-   the values in use are chosen here and stored by the solver. Their tensions are not a function of the displacements: the solver
-   stores them.
+   stage, a search parameter, which affects speed, not the result. The structure stores the value of the caller, 0 for none. The
+   automatic ones, chosen here, are the scale of forces and penalties also where the caller gives others. Their tensions are not a
+   function of the displacements: the solver stores them.
 */
 
 #define LATIN_RIGID_SMALL 1e-3 /* displacements relative to the spacing of the nodes, if there is no gap to compare with: a unit, no iteration depends on it */
@@ -58,7 +58,7 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   if (structure->rubs) PetscCall(LatinStructureCheckContacts_Private(structure));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinStructureTuned(structure, l)) {
+    if (LatinLaws[structure->law[l]].rigid) {
       if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
       sum[2] += PetscAbsReal(structure->e0[l]);
       sum[3] += 1.0;
@@ -85,7 +85,7 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 }
 
 /*
-   k: stiffnesses of the links of this rank; of rigid ones search parameters. Unless the caller set them, these are the mean
+   k: stiffnesses of the links of this rank; of rigid ones automatic search parameters. These are the mean
    stiffness of the elastic links at the two nodes, plus in a time step the inertia of the two nodes against a change
    of their distance. They are rounded to powers of two, so that equal subdomains have bitwise equal ones, on any number of
    ranks. Collective on structure
@@ -109,7 +109,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
     PetscCall(DMRestoreLocalVector(structure->dm, &local));
   }
   for (PetscInt i = 0; i < 2 * structure->links_local; i++) {
-    if (LatinStructureTuned(structure, i / 2)) continue;
+    if (LatinLaws[structure->law[i / 2]].rigid) continue;
     vertex[2 * structure->ends[i]] += structure->stiffness[i / 2];
     vertex[2 * structure->ends[i] + 1] += 1.0;
   }
@@ -120,7 +120,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
     const PetscReal  ga = ground[structure->ends[2 * l]], gb = ground[structure->ends[2 * l + 1]];
     const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
 
-    if (LatinStructureTuned(structure, l)) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : structure->rigid_scale;
+    if (LatinLaws[structure->law[l]].rigid) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : structure->rigid_scale;
     /* one search parameter for all parts of a contact */
     if (structure->law[l] == LATIN_LAW_TANGENT) k[l] = k[l - 1];
   }

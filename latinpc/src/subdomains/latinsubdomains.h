@@ -37,7 +37,7 @@ typedef struct {
   LatinUnknowns  known;          /* data of its unknowns */
   PetscInt       wanted;         /* number of subdomains to make of the pieces of its local matrices; 0: one for each rank */
   PetscBool      tangent;        /* linearised operators: no link has a state */
-  PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses of linearised operators; search parameters of rigid links */
+  PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses of linearised operators; of rigid links automatic search parameters, the scale of their forces whatever the caller's are */
   PetscBool      preconditions;  /* PC latin: one linear stage from zero; springs serve only to keep operators regular */
   /* made by the set-up */
   PetscInt   dim, bs;         /* coordinates and components of a node */

@@ -257,13 +257,27 @@ static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
   return PETSC_FALSE;
 }
 
+/* The ascent directions of the local stages: stiffnesses, and of rigid links the search parameters of the caller, or else automatic ones. Collective on sub->object */
+static PetscErrorCode LatinSubdomainsAscents_Private(LatinSubdomains *sub)
+{
+  LatinStructure structure = sub->structure;
+  PetscReal     *k;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &k));
+  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = LatinLaws[structure->law[l]].rigid && !LatinStructureTuned(structure, l) && !sub->tangent ? structure->stiffness[l] : sub->link_stiffness[l];
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, k, sub->stiffness));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &k));
+  PetscFunctionReturn(0);
+}
+
 /* Updates link data that may change without a new partition: initial elongations, stiffnesses, data of links with large rotations. Collective on sub->object */
 PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
 {
   LatinStructure structure = sub->structure;
 
   PetscFunctionBegin;
-  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, sub->link_stiffness, sub->stiffness));
+  PetscCall(LatinSubdomainsAscents_Private(sub));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->e0, sub->e0));
   if (sub->part) {
     PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
