@@ -12,11 +12,16 @@
   #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)
 #endif
 
-/* 3.22: defaults of a type do not override values of the user; PETSC_UNLIMITED replaces -1 */
+#define LATIN_PETSC_DIVTOL 1e4 /* PETSc's -snes_divergence_tolerance */
+
+/* 3.22: defaults of a type do not override values of the user; PETSC_UNLIMITED replaces -1. Earlier ones know only that the user has set some tolerance: what is still PETSc's default then is not the user's */
 #if PETSC_VERSION_LT(3, 22, 0)
+  #define LATIN_PETSC_max_its   50
+  #define LATIN_PETSC_max_funcs 10000
+  #define LATIN_PETSC_stol      LatinByPrecision(1e-8, 1e-5)
   #define PetscObjectParameterSetDefault(snes, name, value) \
     do { \
-      if (!(snes)->tolerancesset) (snes)->name = (value); \
+      if (!(snes)->tolerancesset || (snes)->name == (LATIN_PETSC_##name)) (snes)->name = (value); \
     } while (0)
   #define PETSC_UNLIMITED (-1)
 #endif

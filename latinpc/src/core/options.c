@@ -33,6 +33,7 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck((int)variant >= LATIN_VARIANT_NONE && (int)variant <= LATIN_VARIANT_AUTO, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "There is no variant %d: take one of LatinVariant", (int)variant);
   LatinChange(latin, variant, variant);
   PetscFunctionReturn(0);
 }
@@ -156,6 +157,7 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck(!subdomain || links >= 0, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The partition is of %" PetscInt_FMT " links; a number of links is not negative", links);
   latin->stale           = PETSC_TRUE;
   latin->partition.links = subdomain ? links : 0;
   PetscCall(PetscFree(latin->partition.given));

@@ -100,7 +100,6 @@ static PetscErrorCode KSPReset_Latin(KSP ksp)
   PetscCall(VecDestroy(&data->b));
   PetscCall(VecDestroy(&data->y));
   PetscCall(LatinReset_Private(data->latin));
-  data->matrix = 0;
   PetscFunctionReturn(0);
 }
 
@@ -148,19 +147,44 @@ static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
   PetscFunctionReturn(0);
 }
 
+/* Is this another object than that of place i, or has it changed since? */
+static PetscErrorCode KSPLatinChanged_Private(KSP_Latin *data, PetscInt i, PetscObject object, PetscBool *changed)
+{
+  PetscObjectId    id    = 0;
+  PetscObjectState state = 0;
+
+  PetscFunctionBegin;
+  if (object) {
+    PetscCall(PetscObjectGetId(object, &id));
+    PetscCall(PetscObjectStateGet(object, &state));
+  }
+  *changed       = (PetscBool)(id != data->id[i] || state != data->state[i]);
+  data->id[i]    = id;
+  data->state[i] = state;
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode KSPSetUp_Latin(KSP ksp)
 {
-  KSP_Latin       *data = (KSP_Latin *)ksp->data;
-  Mat              A, P;
-  PetscObjectId    id;
-  PetscObjectState state;
+  KSP_Latin  *data = (KSP_Latin *)ksp->data;
+  Mat         A, P;
+  PetscObject coordinates;
+  PetscBool   changed[3];
 
   PetscFunctionBegin;
   PetscCall(KSPLatinCheckVec_Private(ksp));
   PetscCall(KSPGetOperators(ksp, &A, &P));
-  PetscCall(PetscObjectGetId((PetscObject)P, &id));
-  PetscCall(PetscObjectStateGet((PetscObject)P, &state));
-  if (data->A && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);
+  PetscCall(PetscObjectQuery((PetscObject)ksp->pc, "LatinCoordinates", &coordinates));
+  PetscCall(KSPLatinChanged_Private(data, 0, (PetscObject)P, &changed[0]));
+  PetscCall(KSPLatinChanged_Private(data, 1, coordinates, &changed[1]));
+  PetscCall(KSPLatinChanged_Private(data, 2, (PetscObject)A, &changed[2]));
+  if (data->A && !data->latin->stale && !changed[0] && !changed[1]) {
+    if (!changed[2]) PetscFunctionReturn(0);
+    data->id[2] = 0; /* checked again after an error */
+    PetscCall(KSPLatinCheckMatrix_Private(ksp, A));
+    PetscCall(KSPLatinChanged_Private(data, 2, (PetscObject)A, &changed[2]));
+    PetscFunctionReturn(0);
+  }
   PetscCall(KSPReset_Latin(ksp));
   PetscCall(LatinSetUpOperator_Private(data->latin, (PetscObject)ksp, ksp->pc, ksp->dm));
   PetscCall(KSPSetWorkVecs(ksp, 5));
@@ -174,8 +198,6 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscCall(MatShellSetOperation(data->A, MATOP_MULT, (void (*)(void))KSPLatinMult_Private));
   PetscCall(MatCreateVecs(data->A, &data->y, &data->b));
   PetscCall(KSPSetOperators(data->outer, data->A, data->A));
-  data->matrix       = id;
-  data->matrix_state = state;
   PetscFunctionReturn(0);
 }
 

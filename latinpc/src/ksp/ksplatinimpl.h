@@ -19,8 +19,8 @@ typedef struct {
   PetscInt         checked, next;              /* iterations of this pass: that of x in `solution`, -1: none; the earliest for the next check */
   PetscReal        allowed, norm;              /* norm of b - A x: that the tolerances allow; of the last check */
   PetscReal        norm_before;                /* norm of b - A x of the pass before */
-  PetscObjectId    matrix;
-  PetscObjectState matrix_state; /* matrix of the last set-up */
+  PetscObjectId    id[3];                      /* of the last set-up: preconditioning matrix, coordinates; matrix of the last check */
+  PetscObjectState state[3];
 } KSP_Latin;
 
 /* y is in variables whose Euclidean norm is the energy norm */

@@ -29,6 +29,7 @@ static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
   PetscCall(PCSetOperators(inner, shell->mat, shell->pmat));
   if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
   PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
+  PetscCall(PetscObjectSetOptions((PetscObject)inner, ((PetscObject)shell)->options));
   /* not PCSetFromOptions(): -pc_type shell would turn the inner one into a shell as well */
   PetscCall(PCLatinGetLatin(inner, &latin));
   PetscCall(LatinSetFromOptions_Private(latin, (PetscObject)inner));

@@ -73,7 +73,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   PetscCall(LatinNewtonOwn_Private(structure, &small));
   if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */
   PetscCall(PetscMalloc1(n, &one));
-  for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load[i], .prescribed = prescribed[i], .e0 = e0[i], .displacement = displacement[i], .tension = tension[i]};
+  for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load ? load[i] : NULL, .prescribed = prescribed ? prescribed[i] : NULL, .e0 = e0 ? e0[i] : NULL, .displacement = displacement[i], .tension = tension[i]};
   PetscCall(LatinCasesSolve_Private(structure, &goal, n, one));
   for (PetscInt i = 0; i < n; i++) stages[i] = one[i].stages;
   PetscCall(PetscFree(one));

@@ -73,18 +73,20 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 PetscErrorCode SNESLatinFirst_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   warm = (PetscBool)(data->warm && data->has_state);
   PetscReal   size, loads;
 
   PetscFunctionBegin;
   data->guess = PETSC_FALSE;
-  if (!data->warm || !data->has_state) {
+  if (!warm) {
     PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
     data->guess = (PetscBool)(size > 0.0);
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
-  if (data->latin->linear.rigid_tension) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
-  if (!data->guess) PetscCall(VecZeroEntries(snes->vec_sol));
+  if (data->stop == LATIN_STOP_RESIDUAL) warm = PETSC_FALSE;
+  if (data->latin->linear.rigid_tension && !warm) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
+  if (!data->guess && !warm) PetscCall(VecZeroEntries(snes->vec_sol)); /* a warm start is watched from the last solution, which the caller still has */
   PetscCall(SNESLatinBalance_Private(snes));
   data->first_residual = data->residual;
   PetscCall(SNESLatinLoads_Private(snes, &loads));
@@ -96,7 +98,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
 }
 
 /* Prints the indicator, and residual or errors if computed */
-PetscErrorCode SNESLatinMonitor_Private(SNES snes)
+static PetscErrorCode SNESLatinMonitor_Private(SNES snes)
 {
   SNES_Latin *data   = (SNES_Latin *)snes->data;
   PetscViewer viewer = data->monitor;

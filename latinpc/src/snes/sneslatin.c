@@ -131,7 +131,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   Vec               F;
 
   PetscFunctionBegin;
-  if (SNESLatinLarge(data)) PetscFunctionReturn(0);
+  if (SNESLatinLarge(data) || !data->latin->linear.applications) PetscFunctionReturn(0);
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (found->verdict != LATIN_JAMMED && !(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
@@ -161,6 +161,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinFirst_Private(snes));
+  if (data->next == LATIN_NEXT_CONTINUE && SNESLatinStageLimit(snes) <= 0) data->next = LATIN_NEXT_MAX_IT;
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   PetscCall(SNESLatinStart_Private(snes));
   if (SNESLatinLarge(data)) {
@@ -176,7 +177,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode SNESSolve_Latin(SNES snes)
+static PetscErrorCode SNESLatinSolve_Private(SNES snes)
 {
   SNES_Latin    *data  = (SNES_Latin *)snes->data;
   Latin          latin = data->latin;
@@ -203,7 +204,8 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   if (latin->linear.failed) data->next = LATIN_NEXT_FAILED;
   snes->linear_its = data->newton.stages;
   snes->iter       = latin->linear.applications + snes->linear_its;
-  if (data->current < 0 || !latin->linear.failed) PetscCall(SNESLatinResidual_Private(snes));
+  if (data->current < 0 && !latin->linear.applications) PetscCall(SNESLatinBalance_Private(snes)); /* of the guess: no stage has been taken */
+  else if (data->current < 0 || !latin->linear.failed) PetscCall(SNESLatinResidual_Private(snes));
   if (PetscIsInfOrNanReal(data->residual)) data->next = LATIN_NEXT_NOT_FINITE;
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
   data->has_state = (PetscBool)(snes->reason > 0);
@@ -211,6 +213,29 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
   if (data->next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) < PetscMin(snes->max_its, snes->iter + 1)) snes->reason = SNES_DIVERGED_FUNCTION_COUNT;
   if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
+  PetscFunctionReturn(0);
+}
+
+/* Forgets what a structure has borrowed of a solve that an error has ended */
+static void LatinForget(LatinStructure structure)
+{
+  if (!structure) return;
+  structure->ahead = structure->strain = structure->slope = NULL;
+  structure->penalty = structure->multiplier = NULL;
+}
+
+static PetscErrorCode SNESSolve_Latin(SNES snes)
+{
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  PetscErrorCode ierr;
+
+  PetscFunctionBegin;
+  ierr = SNESLatinSolve_Private(snes);
+  if (ierr) {
+    LatinForget(data->latin->sub.structure);
+    LatinForget(data->large.frame ? data->large.frame->turns : NULL);
+  }
+  PetscCall(ierr);
   PetscFunctionReturn(0);
 }
 

@@ -322,7 +322,6 @@ PETSC_INTERN PetscErrorCode      SNESLatinCollapsed_Private(SNES, PetscBool *);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
 PETSC_INTERN PetscErrorCode      SNESLatinDecide_Private(SNES, PetscReal measure, PetscReal target, LatinNext *);
-PETSC_INTERN PetscErrorCode      SNESLatinMonitor_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinIterate_Private(SNES, LatinDecide);
 /* snes/problem.c */
 PETSC_INTERN PetscErrorCode SNESLatinFrame_Private(SNES, LatinStructure, LatinStructure *);
@@ -377,12 +376,13 @@ PETSC_INTERN PetscErrorCode SNESView_Latin(SNES, PetscViewer);
 
 /* ---- TS latin (ts/tslatin.c, state/) ---- */
 typedef struct {
-  LatinStructure    step;    /* borrowed: the structure of a time step */
-  Vec               w;       /* h v+ */
-  PetscBool         started; /* w is of a completed step */
-  PetscInt          iterations;
-  PetscViewer       monitor;
-  PetscViewerFormat monitor_format;
+  LatinStructure step;               /* borrowed: the structure of a time step */
+  Vec            w;                  /* h v+ */
+  Vec            u_before, v_before; /* start of the last step, with events alone */
+  PetscBool      started;            /* w is of a completed step */
+  PetscBool      moved;              /* supports of this rank have moved since the start */
+  PetscBool      again;              /* reset after a motion */
+  PetscInt       iterations;
 } TS_Latin;
 
 #endif

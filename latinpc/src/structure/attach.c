@@ -1,5 +1,6 @@
 #include "structure/structureimpl.h"
 #include <petsc/private/snesimpl.h>
+#include <petscts.h>
 
 /* Structures and PETSc's solvers: callbacks of a SNES, and look-up of the structure of a SNES or a DM. */
 
@@ -15,12 +16,12 @@ PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
   PetscFunctionReturn(0);
 }
 
-/* The structure attached to a SNES, or composed on its DM; NULL if there is none */
+/* The structure composed on the DM of a SNES, which may have been set after another one was attached, or the attached one; NULL if there is none */
 PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structure)
 {
   PetscFunctionBegin;
-  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)structure));
-  if (!*structure) PetscCall(LatinStructureFromDM_Private(snes->dm, structure));
+  PetscCall(LatinStructureFromDM_Private(snes->dm, structure));
+  if (!*structure) PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)structure));
   PetscFunctionReturn(0);
 }
 
@@ -90,10 +91,29 @@ PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void 
   PetscFunctionReturn(0);
 }
 
+/* The energy less the work of b, where F(u) = b is solved: its gradient is the function of line searches */
 static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
 {
-  (void)snes;
-  return LatinStructureComputeEnergy((LatinStructure)ctx, u, energy);
+  PetscScalar work = 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureComputeEnergy((LatinStructure)ctx, u, energy));
+  if (snes && snes->vec_rhs) PetscCall(VecDot(snes->vec_rhs, u, &work));
+  *energy -= PetscRealPart(work);
+  PetscFunctionReturn(0);
+}
+
+/* Removes the objective of a SNES: SNESSetObjective() keeps the last one if it is given none */
+PetscErrorCode LatinNoObjective_Private(SNES snes)
+{
+  DMSNES callbacks;
+  DM     dm;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetDM(snes, &dm));
+  PetscCall(DMGetDMSNESWrite(dm, &callbacks));
+  callbacks->ops->computeobjective = NULL;
+  PetscFunctionReturn(0);
 }
 
 /* Sets residual, Jacobian and energy of the structure. Collective on snes */
@@ -102,7 +122,8 @@ static PetscErrorCode LatinStructureEquations_Private(LatinStructure structure, 
   PetscFunctionBegin;
   PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
   PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
-  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* the mean forces of a time step have no potential */
+  PetscCall(SNESSetObjective(snes, LatinStructureObjective_SNES, structure));
+  if (structure->midpoint) PetscCall(LatinNoObjective_Private(snes)); /* the mean forces of a time step have no potential */
   PetscFunctionReturn(0);
 }
 
@@ -114,6 +135,7 @@ PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, NULL, &function, &ctx));
+  PetscCheck(function != SNESTSFormFunction, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_type latin solves static structures, and the steps of -ts_type latin: for other integrators take -snes_type newtonls");
   if (!function || (function == LatinStructureFunction_SNES && ctx != structure)) PetscCall(LatinStructureEquations_Private(structure, snes));
   PetscFunctionReturn(0);
 }

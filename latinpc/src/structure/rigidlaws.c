@@ -128,12 +128,12 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* Raises an error if there is a rigid law: for functions that need a stiffness, or tensions as a function of displacements */
+/* Raises an error if there is a rigid law, unless springs replace its links: for functions that need a stiffness, or tensions as a function of displacements */
 PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
-  PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s needs laws with a stiffness, and the structure has links of the rigid law %s, which has none: solve it by -snes_type latin, or take %s", what,
-             LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
+  PetscCheck(structure->rigid_law < 0 || structure->penalty, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
+             "%s needs laws with a stiffness, and the structure has links of the rigid law %s, which has none: solve it by -snes_type latin, or take %s", what, LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
   PetscFunctionReturn(0);
 }
 

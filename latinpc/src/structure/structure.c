@@ -300,6 +300,23 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
+/* Stores prescribed displacements of fixed components once they are known to be numbers. Collective on structure */
+static PetscErrorCode LatinStructurePrescribe_Private(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
+{
+  const PetscInt n = structure->dim * structure->nodes_local;
+  PetscReal     *value;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &value));
+  for (PetscInt i = 0; i < n; i++) value[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, structure->dim, value, PETSC_TRUE, "a prescribed displacement"));
+  PetscCall(PetscArraycpy(structure->prescribed, value, n));
+  PetscCall(PetscFree(value));
+  structure->held_state++;
+  if (structure->set_up) PetscCall(LatinSFBcast_Private(structure->vertex_sf, structure->dim, MPIU_REAL, structure->prescribed, structure->vertex_prescribed));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank: those where `fixed`, [nodes_local][dim], is true.
 
@@ -312,13 +329,11 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
 @*/
 PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
 {
-  const PetscInt dim = structure->dim;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp(); LatinStructureSetPrescribed() changes their displacements after it");
-  PetscCall(PetscArraycpy(structure->fixed, fixed, dim * structure->nodes_local));
-  PetscCall(LatinStructureSetPrescribed(structure, prescribed));
+  PetscCall(LatinStructurePrescribe_Private(structure, fixed, prescribed));
+  PetscCall(PetscArraycpy(structure->fixed, fixed, structure->dim * structure->nodes_local));
   PetscFunctionReturn(0);
 }
 
@@ -334,14 +349,9 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 @*/
 PetscErrorCode LatinStructureSetPrescribed(LatinStructure structure, const PetscReal prescribed[])
 {
-  const PetscInt dim = structure->dim;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = structure->fixed[i] && prescribed ? prescribed[i] : 0.0;
-  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, dim, structure->prescribed, PETSC_TRUE, "a prescribed displacement"));
-  structure->held_state++;
-  if (structure->set_up) PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->prescribed, structure->vertex_prescribed));
+  PetscCall(LatinStructurePrescribe_Private(structure, structure->fixed, prescribed));
   PetscFunctionReturn(0);
 }
 

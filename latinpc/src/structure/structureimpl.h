@@ -181,6 +181,7 @@ PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec 
 
 /* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSolverUnbalance_Private(SNES, LatinStructure, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinNoObjective_Private(SNES);
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinStructureAddLinks_Private(LatinStructure, PetscInt i, PetscInt j, PetscReal k, Mat);
@@ -228,7 +229,8 @@ PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 PETSC_INTERN PetscErrorCode LatinStructureInertia_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStepCheck_Private(LatinStructure base);
 PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *step);
-PETSC_INTERN PetscErrorCode LatinStepMade_Private(LatinStructure step);
+PETSC_INTERN PetscErrorCode LatinStepMade_Private(LatinStructure step, PetscBool *moved);
+PETSC_INTERN PetscErrorCode LatinStepBack_Private(LatinStructure step);
 PETSC_INTERN PetscErrorCode LatinStepPlaced_Private(LatinStructure step);
 PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v);
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift);

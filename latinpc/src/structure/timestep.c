@@ -130,14 +130,27 @@ PetscErrorCode LatinStepCheck_Private(LatinStructure base)
   PetscFunctionReturn(0);
 }
 
-/* Ends a step: stores the present positions of supports, from which the next one starts */
-PetscErrorCode LatinStepMade_Private(LatinStructure step)
+/* Ends a step: stores the present positions of supports, from which the next one starts; *moved becomes true if supports of this rank have moved, NULL: not asked. Not collective */
+PetscErrorCode LatinStepMade_Private(LatinStructure step, PetscBool *moved)
 {
   const LatinStructure base = step->base;
 
   PetscFunctionBegin;
+  for (PetscInt i = 0; moved && i < base->dim * base->nodes_local; i++) *moved = (PetscBool)(*moved || step->held[i] != base->prescribed[i]);
   PetscCall(PetscArraycpy(step->held, base->prescribed, base->dim * base->nodes_local));
   PetscCall(PetscArraycpy(step->vertex_held, base->vertex_prescribed, base->dim * base->vertices));
+  PetscFunctionReturn(0);
+}
+
+/* Puts the supports back to where they were before the last step. Not collective */
+PetscErrorCode LatinStepBack_Private(LatinStructure step)
+{
+  const LatinStructure base = step->base;
+  const PetscReal      part = step->midpoint ? 0.5 : 1.0;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < base->dim * base->nodes_local; i++) step->held[i] -= step->prescribed[i] / part;
+  for (PetscInt i = 0; i < base->dim * base->vertices; i++) step->vertex_held[i] -= step->vertex_prescribed[i] / part;
   PetscFunctionReturn(0);
 }
 
@@ -176,7 +189,7 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(
     PetscCalloc5(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed, base->dim * base->nodes_local, &step->held, base->dim * base->vertices, &step->vertex_held));
-  PetscCall(LatinStepMade_Private(step));
+  PetscCall(LatinStepMade_Private(step, NULL));
   PetscCall(LatinStepLength_Private(step, -1.0));
   PetscCall(LatinStructureComposeDM_Private(step));
   *newstep = step;

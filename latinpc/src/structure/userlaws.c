@@ -225,6 +225,7 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
     PetscCheck(tension[i] >= tension[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The tension of the law %s must not decrease: point %" PetscInt_FMT " has %g after %g", name, i, (double)tension[i], (double)tension[i - 1]);
     steepest = PetscMax(steepest, (tension[i] - tension[i - 1]) / (strain[i] - strain[i - 1]));
   }
+  PetscCheck(!PetscIsInfOrNanReal(steepest), PETSC_COMM_SELF, PETSC_ERR_FP, "Points of the law %s are so near to each other that its stiffness is not a finite number", name);
   PetscCheck(steepest > 0.0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The law %s has the same tension everywhere: put it into the loads", name);
   for (*law = LATIN_LAW_TANGENT + 1; *law < LatinLawCount; ++*law)
     if (LatinTableSame(&LatinLaws[*law], n, strain, tension, steepest)) PetscFunctionReturn(0);

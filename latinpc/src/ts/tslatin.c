@@ -140,6 +140,8 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* initially at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
+  if (data->again) PetscCall(LatinStepMade_Private(data->step, NULL)); /* after TSReset(): another motion, from where the supports are now */
+  data->again = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -155,6 +157,35 @@ static PetscErrorCode TSLatinFailed_Private(TS ts, SNES snes)
   SETERRQ(PetscObjectComm((PetscObject)ts), PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT ", from %g to %g, has not converged: %s. %s", ts->steps + 1, (double)ts->ptime, (double)(ts->ptime + ts->time_step), SNESConvergedReasons[reason], cause);
 }
 
+/* Keeps the start of a step for events, which go back to it. Collective on ts */
+static PetscErrorCode TSLatinKeep_Private(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+
+  PetscFunctionBegin;
+  if (!ts->event) PetscFunctionReturn(0);
+  if (!data->u_before) {
+    PetscCall(VecDuplicate(ts->vec_sol, &data->u_before));
+    PetscCall(VecDuplicate(ts->vec_dot, &data->v_before));
+  }
+  PetscCall(VecCopy(ts->vec_sol, data->u_before));
+  PetscCall(VecCopy(ts->vec_dot, data->v_before));
+  PetscFunctionReturn(0);
+}
+
+/* Back to the start of the last step, for events. Collective on ts */
+static PetscErrorCode TSRollBack_Latin(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+
+  PetscFunctionBegin;
+  PetscCheck(data->u_before, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "TSRollBack() of TS latin is for TSSetEventHandler(): without one no step is kept");
+  PetscCall(VecCopy(data->u_before, ts->vec_sol));
+  PetscCall(VecCopy(data->v_before, ts->vec_dot));
+  PetscCall(LatinStepBack_Private(data->step));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -164,6 +195,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
   SNES      snes;
 
   PetscFunctionBegin;
+  if (!ts->steps && data->started) LatinAgree(PetscObjectComm((PetscObject)ts), data->moved, PETSC_ERR_ORDER, "Supports have moved in the last motion of this TS: before another one call TSReset(), with the supports where it starts");
   PetscCall(TSGetSNES(ts, &snes));
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   while (!ts->reason && !accept) {
@@ -187,8 +219,9 @@ static PetscErrorCode TSStep_Latin(TS ts)
   }
   if (ts->reason == TS_DIVERGED_NONLINEAR_SOLVE && ts->errorifstepfailed) PetscCall(TSLatinFailed_Private(ts, snes));
   if (ts->reason) PetscFunctionReturn(0);
+  PetscCall(TSLatinKeep_Private(ts));
   data->started = PETSC_TRUE;
-  PetscCall(LatinStepMade_Private(data->step));
+  PetscCall(LatinStepMade_Private(data->step, &data->moved));
   PetscCall(VecAXPY(ts->vec_sol, 1.0 / part, data->w));
   PetscCall(VecAXPBY(ts->vec_dot, 1.0 / (part * h), 1.0 - 1.0 / part, data->w));
   ts->ptime += ts->time_step;
@@ -213,15 +246,18 @@ static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 /* Prints energies, iterations of the SNES and the number of active unilateral links of a step */
 static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u, void *ctx)
 {
-  TS_Latin        *data = (TS_Latin *)ts->data;
-  PetscReal        kinetic, potential;
-  PetscInt         active, unilateral;
-  SNES             snes;
-  const PetscReal *rigid;
-  char             solved[128] = "";
+  PetscViewerAndFormat *vf   = (PetscViewerAndFormat *)ctx;
+  TS_Latin             *data = (TS_Latin *)ts->data;
+  PetscReal             kinetic, potential;
+  PetscInt              active, unilateral;
+  PetscBool             latin;
+  SNES                  snes;
+  const PetscReal      *rigid;
+  char                  solved[128] = "";
 
   PetscFunctionBegin;
-  if (steps < 0) PetscFunctionReturn(0); /* a repetition of the last one */
+  PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
+  if (steps < 0 || !latin) PetscFunctionReturn(0); /* a repetition of the last one; the type has changed since */
   PetscCall(LatinStructureComputeKineticEnergy(data->step->base, ts->vec_dot, &kinetic));
   PetscCall(LatinStructureComputeEnergy(data->step->base, u, &potential));
   if (steps && data->started) {
@@ -230,25 +266,31 @@ static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u,
     PetscCall(LatinStructureCountActive_Private(data->step, rigid, data->w, &active, &unilateral));
     PetscCall(PetscSNPrintf(solved, sizeof(solved), "  iterations %" PetscInt_FMT "  active links %" PetscInt_FMT " of %" PetscInt_FMT, data->iterations, active, unilateral));
   }
-  PetscCall(PetscViewerPushFormat(data->monitor, data->monitor_format));
-  PetscCall(PetscViewerASCIIAddTab(data->monitor, ((PetscObject)ts)->tablevel));
-  PetscCall(PetscViewerASCIIPrintf(data->monitor, "%3" PetscInt_FMT " t %-10g  energy: kinetic %12.6e  potential %13.6e  sum %13.6e%s\n", steps, (double)t, (double)kinetic, (double)potential, (double)(kinetic + potential), solved));
-  PetscCall(PetscViewerASCIISubtractTab(data->monitor, ((PetscObject)ts)->tablevel));
-  PetscCall(PetscViewerPopFormat(data->monitor));
+  PetscCall(PetscViewerPushFormat(vf->viewer, vf->format));
+  PetscCall(PetscViewerASCIIAddTab(vf->viewer, ((PetscObject)ts)->tablevel));
+  PetscCall(PetscViewerASCIIPrintf(vf->viewer, "%3" PetscInt_FMT " t %-10g  energy: kinetic %12.6e  potential %13.6e  sum %13.6e%s\n", steps, (double)t, (double)kinetic, (double)potential, (double)(kinetic + potential), solved));
+  PetscCall(PetscViewerASCIISubtractTab(vf->viewer, ((PetscObject)ts)->tablevel));
+  PetscCall(PetscViewerPopFormat(vf->viewer));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode TSSetFromOptions_Latin(TS ts, LatinOptionItems PetscOptionsObject)
 {
-  TS_Latin *data = (TS_Latin *)ts->data;
-  PetscBool set;
-  SNES      snes;
+  PetscViewerAndFormat *vf;
+  PetscViewerFormat     format;
+  PetscViewer           viewer;
+  PetscBool             set;
+  SNES                  snes;
 
   PetscFunctionBegin;
   PetscOptionsHeadBegin(PetscOptionsObject, "TS latin options");
-  PetscCall(PetscOptionsViewer("-ts_latin_monitor", "Monitor energies, iterations and active links of each step", "None", &data->monitor, &data->monitor_format, &set));
+  PetscCall(PetscOptionsViewer("-ts_latin_monitor", "Monitor energies, iterations and active links of each step", "None", &viewer, &format, &set));
   PetscOptionsHeadEnd();
-  if (set && data->monitor) PetscCall(TSMonitorSet(ts, TSMonitor_Latin, NULL, NULL));
+  if (set) {
+    PetscCall(PetscViewerAndFormatCreate(viewer, format, &vf));
+    PetscCall(PetscViewerDestroy(&viewer));
+    PetscCall(TSMonitorSet(ts, TSMonitor_Latin, vf, (PetscErrorCode(*)(void **))PetscViewerAndFormatDestroy));
+  }
   PetscCall(TSLatinFind_Private(ts, &snes)); /* sets the default type before the options of the SNES are read */
   PetscFunctionReturn(0);
 }
@@ -259,17 +301,36 @@ static PetscErrorCode TSReset_Latin(TS ts)
 
   PetscFunctionBegin;
   PetscCall(VecDestroy(&data->w));
-  data->started = PETSC_FALSE;
+  PetscCall(VecDestroy(&data->u_before));
+  PetscCall(VecDestroy(&data->v_before));
+  data->again   = data->started;
+  data->started = data->moved = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Gives the SNES back the equations of the TS, for another type. Collective on ts */
+static PetscErrorCode TSLatinLeave_Private(TS ts)
+{
+  PetscBool latin;
+
+  PetscFunctionBegin;
+  PetscCall(SNESReset(ts->snes));
+  PetscCall(PetscObjectCompose((PetscObject)ts->snes, "LatinStructure", NULL));
+  PetscCall(SNESSetFunction(ts->snes, NULL, SNESTSFormFunction, ts));
+  PetscCall(SNESSetJacobian(ts->snes, NULL, NULL, SNESTSFormJacobian, ts));
+  PetscCall(LatinNoObjective_Private(ts->snes));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ts->snes, SNESLATIN, &latin));
+  if (!latin) PetscFunctionReturn(0);
+  PetscCall(SNESSetType(ts->snes, SNESNEWTONLS));
+  PetscCall(SNESSetDivergenceTolerance(ts->snes, LATIN_PETSC_DIVTOL));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode TSDestroy_Latin(TS ts)
 {
-  TS_Latin *data = (TS_Latin *)ts->data;
-
   PetscFunctionBegin;
   PetscCall(TSReset_Latin(ts));
-  PetscCall(PetscViewerDestroy(&data->monitor));
+  if (ts->snes && ((PetscObject)ts)->refct > 0) PetscCall(TSLatinLeave_Private(ts)); /* not destroyed: another type follows */
   PetscCall(PetscFree(ts->data));
   PetscFunctionReturn(0);
 }
@@ -341,6 +402,9 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have
   masses: SNES latin has no divergence tolerance unless an option sets one.
 
+  `TSSetEventHandler()` repeats steps with another length, for which PETSc does not call the function of `TSSetPreStep()`: give loads
+  and supports that change in one of `TSSetPreStage()`. Before another motion with the same TS call `TSReset()`.
+
   Large displacements of elastic links (`LATIN_GEOMETRY_LARGE`): the scheme is the implicit midpoint rule with mean forces, of second
   order, which conserves energy and momenta. Each step starts from the last velocity, whatever `SNESLatinSetWarmStart()` says, and is
   solved to an error of 1e-8 unless `SNESLatinSetError()` is called.
@@ -357,6 +421,7 @@ PETSC_EXTERN PetscErrorCode TSCreate_Latin(TS ts)
   ts->ops->setup          = TSSetUp_Latin_Watched;
   ts->ops->step           = TSStep_Latin_Watched;
   ts->ops->interpolate    = TSInterpolate_Latin;
+  ts->ops->rollback       = TSRollBack_Latin;
   ts->ops->reset          = TSReset_Latin;
   ts->ops->destroy        = TSDestroy_Latin;
   ts->ops->setfromoptions = TSSetFromOptions_Latin;

@@ -1,0 +1,325 @@
+"""What programs change between solves, errors in the middle of one, and other types in the place of ours."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.options import default_options
+
+SIDE = 6
+LU = {"ksp_type": "preonly", "pc_type": "lu"}
+
+
+def net(law="cable", initial_elongation=0.002, load=(3.0, -5.0), **more):
+    """Squares of bars with crossed links, held below, pulled at a corner."""
+    at = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
+    edges = [(at[:, :-1], at[:, 1:]), (at[:-1], at[1:]), (at[:-1, :-1], at[1:, 1:]), (at[:-1, 1:], at[1:, :-1])]
+    links = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in edges])
+    bars = 2 * SIDE * (SIDE - 1)
+    nodes = np.stack([np.arange(SIDE * SIDE) % SIDE, np.arange(SIDE * SIDE) // SIDE], 1).astype(float)
+    forces = np.zeros_like(nodes)
+    forces[-1] = load
+    e0 = np.where(
+        np.arange(len(links)) < bars, 0.0 if law == "inextensible" else initial_elongation, initial_elongation
+    )
+    return latinpc.Structure(
+        nodes, links, ["bar"] * bars + [law] * (len(links) - bars), 1000.0, initial_elongation=e0,
+        fixed=np.repeat(nodes[:, 1:] == 0.0, 2, 1), load=forces, comm=PETSc.COMM_SELF, **more,
+    )  # fmt: skip
+
+
+def solved(structure, b=None, **options):
+    """SNES after a solve with these options, and the displacements."""
+    with default_options(options):
+        snes = structure.create_snes()
+        snes.setFromOptions()
+        u = structure.create_vec()
+        snes.solve(b, u)
+    return snes, u
+
+
+# ---- errors in the middle ------------------------------------------------------------------------
+class Stop(Exception):
+    """Raised by a monitor, as Ctrl-C is."""
+
+
+def hung():
+    """A chain that does not stretch, with large displacements."""
+    x = np.arange(5.0)
+    return latinpc.Structure(
+        np.stack([x, 0.06 * x * (x - 4.0)], 1), [[i, i + 1] for i in range(4)], "inextensible", 0.0,
+        fixed=[[i in (0, 4)] * 2 for i in range(5)], load=[[0.1, -1.0 - 0.3 * i] for i in range(5)], geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+INNER = {  # the KSP of the inner Newton method raises an error
+    "snes_latin_newton_ksp_error_if_not_converged": 1, "snes_latin_newton_ksp_max_it": 1,
+    "snes_latin_newton_ksp_rtol": 1e-30, "snes_latin_newton_ksp_type": "gmres", "snes_latin_newton_pc_type": "none",
+    "snes_latin_error": 1e-9,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("make", [hung, lambda: net("inextensible", -0.01)], ids=["a monitor, large", "Newton, linear"])
+def test_a_solve_that_an_error_ends_leaves_the_structure_as_it_was(make):
+    """Springs stand for cables that do not stretch in the middle of a solve, and are gone after an error."""
+    structure = make()
+    first, u = solved(structure)
+
+    def interrupt(_snes, it, _norm):
+        if it:
+            raise Stop
+
+    with default_options({} if structure.geometry == "large" else INNER):
+        snes = structure.create_snes()
+        if structure.geometry == "large":
+            snes.setMonitor(interrupt)
+        snes.setFromOptions()
+        with pytest.raises((Stop, PETSc.Error)):
+            snes.solve(None, structure.create_vec())
+    snes.destroy()
+    again, v = solved(structure)
+    assert again.getIterationNumber() == first.getIterationNumber()
+    assert (u.getArray() == v.getArray()).all()
+
+
+def test_prescribed_displacements_that_are_no_numbers_change_nothing():
+    """They are refused before they are stored, for callers in C as well."""
+    structure = net()
+    _, u = solved(structure)
+    with pytest.raises(PETSc.Error):
+        structure._handle.set_prescribed(np.full(structure.nodes.shape, np.nan))
+    _, v = solved(structure)
+    assert (u.getArray() == v.getArray()).all()
+
+
+def test_a_guess_that_is_no_number_comes_back_as_it_was():
+    structure = net()
+    snes, u = structure.create_snes(), structure.create_vec()
+    u.set(np.nan)
+    snes.setFromOptions()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+    assert np.isnan(u.getArray()).all() and np.isnan(snes.getFunctionNorm())
+
+
+# ---- what PETSc's own types find -----------------------------------------------------------------
+@pytest.mark.parametrize("kind", ["newtonls", "newtontr"])
+def test_line_searches_see_the_right_hand_side(kind):
+    """F(u) = b with PETSc's defaults: the objective of the line search has the work of b in it."""
+    structure = net()
+    b = structure.create_vec()
+    b.setArray(np.linspace(-2.0, 2.0, b.getLocalSize()))
+    _, u = solved(structure, b, snes_latin_error=1e-9)
+    snes, v = solved(structure, b, snes_type=kind, **LU)
+    assert snes.getConvergedReason() > 0
+    assert (u - v).norm() < 1e-6 * u.norm()
+
+
+def test_the_inner_newton_method_takes_any_preconditioner_with_rigid_links():
+    structure = net("inextensible", initial_elongation=-0.01)
+    _, u = solved(structure)
+    snes, v = solved(structure, snes_latin_newton_pc_type="lu")
+    assert snes.getConvergedReason() > 0
+    assert (u - v).norm() < 1e-6 * u.norm()
+
+
+def test_another_dm_is_another_structure():
+    one, other = net(), net(load=(4.0, 1.0))
+    _, expected = solved(other)
+    snes, _ = solved(one)
+    snes.setDM(other.dm)
+    u = other.create_vec()
+    snes.solve(None, u)
+    assert (u - expected).norm() < 1e-9 * expected.norm()
+
+
+def test_tolerances_set_before_the_type_leave_its_other_defaults():
+    """The stop stays the error, unless a step tolerance is given."""
+    structure = net()
+    found = []
+    for early in (False, True):
+        snes = PETSc.SNES().create(comm=PETSc.COMM_SELF)
+        structure.attach(snes)
+        if early:
+            snes.setTolerances(max_it=5000)
+        snes.setType("latin")
+        if not early:
+            snes.setTolerances(max_it=5000)
+        snes.setFromOptions()
+        snes.solve(None, structure.create_vec())
+        found.append((snes.getIterationNumber(), snes.getTolerances()))
+    assert found[0] == found[1] and found[0][1][3] == 5000
+
+
+def test_no_stage_is_taken_where_none_is_allowed():
+    snes, u = solved(net(), snes_max_it=0)
+    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+    assert snes.getIterationNumber() == 0 and u.norm() == 0.0
+
+
+def test_monitors_of_a_warm_start_begin_at_the_last_solution():
+    structure, seen = net(), []
+    with default_options({"snes_latin_warm_start": "last"}):
+        snes = structure.create_snes()
+        snes.setFromOptions()
+    u = structure.create_vec()
+    snes.solve(None, u)
+    last = snes.getFunctionNorm()
+    snes.setMonitor(lambda _snes, _it, norm: seen.append(norm))
+    snes.solve(None, u)
+    assert seen[0] == pytest.approx(last)
+
+
+# ---- KSP latin -----------------------------------------------------------------------------------
+def tangent(structure):
+    """Tangent stiffness as drawn."""
+    J = structure.dm.createMat()
+    structure.jacobian(structure.create_vec(), J)
+    return J
+
+
+@pytest.mark.parametrize("norm", ["PRECONDITIONED", "NONE"])
+def test_a_matrix_that_is_not_the_one_of_the_set_up_is_refused(norm):
+    """A changes while P stays: as at the first solve, and as often as it is tried."""
+    structure = net("bar")
+    J = tangent(structure)
+    b, x = structure.create_vec(), structure.create_vec()
+    b.set(1.0)
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    structure.attach(ksp)
+    ksp.setType("latin")
+    ksp.setOperators(J)
+    ksp.setNormType(getattr(PETSc.KSP.NormType, norm))
+    ksp.setFromOptions()
+    ksp.solve(b, x)
+    ksp.setOperators(2.0 * J, J)
+    for _ in range(2):
+        with pytest.raises(PETSc.Error):
+            ksp.solve(b, x)
+    ksp.setOperators(J.copy(), J)
+    ksp.solve(b, x)
+    assert ksp.getConvergedReason() > 0
+
+
+# ---- motions -------------------------------------------------------------------------------------
+def moving(structure, h=0.01, **options):
+    """TS at rest, its displacements and velocities."""
+    u, v = structure.create_vec(), structure.create_vec()
+    with default_options(options):
+        ts = structure.create_ts(u, v)
+        ts.setTimeStep(h)
+        ts.setMaxTime(100.0)
+        ts.setFromOptions()
+    return ts, u, v
+
+
+def move(ts, u, steps):
+    """Go on to this number of steps."""
+    ts.setMaxSteps(steps)
+    ts.solve(u)
+    return u.getArray().copy()
+
+
+def test_snes_latin_does_not_pretend_to_solve_other_integrators():
+    """Their equations are not those of the structure."""
+    ts, u, _ = moving(net(mass=1.0), ts_type="alpha2", snes_type="latin")
+    with pytest.raises(PETSc.Error):
+        move(ts, u, 2)
+
+
+def test_another_type_after_ours_solves_its_own_equations():
+    """Three steps of TS latin, then three of alpha2, as one that never was of type latin takes them from there."""
+    structure = net(mass=1.0)
+    ts, u, v = moving(structure, **LU)
+    move(ts, u, 3)
+    there, fast = u.copy(), v.copy()
+    ts.setType("alpha2")
+    found = move(ts, u, 6)
+    assert ts.getSNES().getType() == "newtonls"
+    other, w, z = moving(structure, ts_type="alpha2", **LU)
+    there.copy(w)
+    fast.copy(z)
+    assert found == pytest.approx(move(other, w, 3), rel=1e-6, abs=1e-9)
+
+
+def test_monitors_survive_changes_of_options_and_type(capfd):
+    ts, u, _ = moving(net(mass=1.0), ts_latin_monitor="", **LU)
+    move(ts, u, 2)
+    ts.setFromOptions()
+    move(ts, u, 3)
+    ts.setType("alpha2")
+    move(ts, u, 5)
+    steps = [int(line.split()[0]) for line in capfd.readouterr().out.splitlines() if "energy: kinetic" in line]
+    assert steps == [0, 1, 2, 2, 3]
+
+
+def on_a_floor():
+    """A mass on a floor that moves up, and the TS of it."""
+    structure = latinpc.Structure(
+        [[0, 0], [0, 1.0]], [[0, 1]], "contact", 0.0, fixed=[[1, 1], [1, 0]], load=[[0, 0], [0, -1.0]], mass=[0, 1.0],
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    ts, u, v = moving(structure)
+    ts.setPreStep(lambda ts: structure.set_prescribed([[0.0, 0.01 * (ts.getStepNumber() + 1)], [0.0, 0.0]]))
+
+    def again():
+        u.set(0.0)
+        v.set(0.0)
+        structure.set_prescribed(np.zeros((2, 2)))
+        ts.setSolution2(u, v)
+        ts.setTime(0.0)
+        ts.setStepNumber(0)
+        return move(ts, u, 5)
+
+    return ts, again
+
+
+def test_a_motion_begins_again_after_a_reset():
+    """Supports start where they are then; without a reset they would start where the last motion has left them."""
+    ts, again = on_a_floor()
+    first = again()
+    assert first == pytest.approx(0.05)
+    with pytest.raises(PETSc.Error):
+        again()
+    ts.reset()
+    assert again() == pytest.approx(first, rel=1e-12)
+
+
+def test_mean_forces_have_no_potential_on_the_same_ts():
+    """Linear displacements, then large ones with Newton's method of PETSc: the line search forgets the energy."""
+    structure = net(mass=1.0)
+    ts, u, v = moving(structure, h=0.05, snes_type="newtonls", **LU)
+    move(ts, u, 3)
+    structure.set_geometry("large")
+    ts.reset()
+    u.set(0.0)
+    v.set(0.0)
+    ts.setSolution2(u, v)
+    ts.setTime(0.0)
+    ts.setStepNumber(0)
+    found = move(ts, u, 3)
+    other, w, _ = moving(structure, h=0.05, snes_type="newtonls", **LU)
+    assert found == pytest.approx(move(other, w, 3), rel=1e-9)
+
+
+@pytest.mark.parametrize("geometry", ["linear", "large"])
+def test_events_go_back_and_meet_their_time(geometry):
+    """A step ends at the event; the motion is that of steps of the same lengths."""
+    structure = net(mass=1.0, geometry=geometry)
+    ts, u, _ = moving(structure)
+    times, lengths = [], [0.0]
+
+    def when(_ts, t, _u, values):
+        values[0] = t - 0.035
+
+    ts.setEventHandler([0], [False], when, lambda _ts, _events, t, _u, _forward: times.append(t))
+    ts.setMonitor(lambda _ts, _step, t, _u: lengths.append(t) if t > lengths[-1] else None)
+    found = move(ts, u, 8)
+    assert times == [pytest.approx(0.035)]
+    other, w, _ = moving(structure)
+    for step, h in enumerate(np.diff(lengths)):
+        other.setTimeStep(h)
+        move(other, w, step + 1)
+    assert found == pytest.approx(w.getArray(), rel=1e-4, abs=1e-7)
