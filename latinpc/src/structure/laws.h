@@ -39,7 +39,7 @@ static inline PetscReal LatinUnilateralTension(PetscReal sign, PetscReal k, Pets
 
 static inline PetscReal LatinUnilateralTangent(PetscReal sign, PetscReal k, PetscReal x)
 {
-  return sign * x > 0.0 ? k : 0.0;
+  return sign * x >= 0.0 ? k : 0.0;
 }
 
 static inline PetscReal LatinUnilateralEnergy(PetscReal sign, PetscReal k, PetscReal x)
