@@ -119,7 +119,7 @@ def test_a_column_under_loads_that_grow_in_one_vector(load):
     assert (snes.getConvergedReason() > 0) == (load < 50.0)
     assert least(column, u) > 0.0
     assert latinpc.path(snes)["borne"] == pytest.approx(min(1.0, 50.0 / load), abs=3e-4)
-    assert latinpc.path(snes)["renewals"] < 20
+    assert latinpc.path(snes)["renewals"] < 25  # branches are sought as well
 
 
 def test_a_guess_that_is_unstable_is_left():

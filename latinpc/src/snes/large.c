@@ -56,6 +56,8 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   PetscCall(PetscFree(large->ahead));
   large->renewals = 0;
   large->reached  = 0.0;
+  large->branch   = -1.0;
+  large->sheared  = PETSC_FALSE;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
   large->half     = PETSC_MAX_REAL;

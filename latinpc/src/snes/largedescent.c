@@ -17,6 +17,7 @@
 #define LATIN_DESCENT_RADIUS  0.1                           /* of the size of the structure: the first step */
 #define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* of the stiffness times the size: forces that are left; Newton's method goes on from there */
 #define LATIN_DESCENT_RTOL    1e-3                          /* of a linear solve */
+#define LATIN_DESCENT_NEAR    1e-5                          /* times as little where the descent is to stay near: cables that both slacken differ by less from one that does not; with 1e-3 a tower fails */
 #define LATIN_DESCENT_SOON    30                            /* steps in which the loads themselves lead somewhere, or too slowly; with 200 rotations and units change which state towers find */
 #define LATIN_DESCENT_STEPS   200                           /* most steps under heavier loads, and as these fall */
 #define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
@@ -29,6 +30,8 @@ typedef struct {
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
   PetscReal      times;        /* the loads act */
+  Vec            step;         /* length of the first step of a descent that is to stay near where it begins, with the operators there; NULL: any */
+  PC             pc;           /* these operators */
   PetscInt       most;         /* steps */
   PetscBool      tried;        /* heavier loads have been */
 } LatinDescent;
@@ -115,7 +118,7 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
   PetscCall(TaoGetSolutionStatus(tao, &it, NULL, &left, NULL, &radius, NULL));
   PetscCall(TaoGetSolution(tao, &x));
   PetscCall(VecNorm(x, NORM_2, &far));
-  if (left <= LATIN_DESCENT_BALANCE) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  if (left <= LATIN_DESCENT_BALANCE * (descent->step ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
   else if (far > LATIN_DESCENT_FAR) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
@@ -139,6 +142,34 @@ static PetscErrorCode LatinDescentOptions_Private(Tao tao, SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* The operators of Newton's method, in the unknowns of the descent */
+static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
+{
+  LatinDescent *descent;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(pc, &descent));
+  PetscCall(VecPointwiseDivide(descent->u, r, descent->weight));
+  PetscCall(PCApply(descent->pc, descent->u, z));
+  PetscCall(VecPointwiseDivide(z, z, descent->weight));
+  PetscCall(VecScale(z, descent->force * descent->size));
+  PetscFunctionReturn(0);
+}
+
+/* The trust region of a descent that is to stay near: in the norm of the operators, which is about that of the tangent stiffness. Collective on tao */
+static PetscErrorCode LatinDescentRadius_Private(LatinDescent *descent, Tao tao, Mat A, Vec x)
+{
+  PetscScalar square;
+
+  PetscFunctionBegin;
+  PetscCall(LatinDescentTangent_Private(tao, x, A, A, descent));
+  PetscCall(VecPointwiseDivide(descent->u, descent->step, descent->weight));
+  PetscCall(MatMult(A, descent->u, descent->more));
+  PetscCall(VecDot(descent->u, descent->more, &square));
+  if (PetscRealPart(square) > 0.0) PetscCall(TaoSetInitialTrustRegionRadius(tao, PetscSqrtReal(PetscRealPart(square))));
+  PetscFunctionReturn(0);
+}
+
 /* TAO and what it needs. Collective on snes */
 static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
 {
@@ -153,7 +184,7 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscCall(TaoSetSolution(*tao, x));
   PetscCall(TaoSetObjectiveAndGradient(*tao, NULL, LatinDescentEnergy_Private, descent));
   PetscCall(TaoSetHessian(*tao, A, A, LatinDescentTangent_Private, descent));
-  PetscCall(MatDestroy(&A));
+  PetscCall(PetscObjectDereference((PetscObject)A));
   PetscCall(TaoSetConvergenceTest(*tao, LatinDescentConverged_Private, descent));
   PetscCall(TaoSetInitialTrustRegionRadius(*tao, LATIN_DESCENT_RADIUS));
   PetscCall(LatinDescentOptions_Private(*tao, snes));
@@ -161,7 +192,11 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscCall(KSPSetType(ksp, KSPSTCG));
   PetscCall(KSPSetTolerances(ksp, LATIN_DESCENT_RTOL, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, PCNONE));
+  PetscCall(PCSetType(pc, descent->step ? PCSHELL : PCNONE));
+  if (!descent->step) PetscFunctionReturn(0);
+  PetscCall(PCShellSetContext(pc, descent));
+  PetscCall(PCShellSetApply(pc, LatinDescentPrecondition_Private));
+  PetscCall(LatinDescentRadius_Private(descent, *tao, A, x));
   PetscFunctionReturn(0);
 }
 
@@ -179,14 +214,14 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscCall(VecDuplicate(x, &start));
   PetscCall(VecCopy(x, start));
   descent->times = 1.0;
-  descent->most  = LATIN_DESCENT_SOON;
+  descent->most  = descent->step ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
     if (!first) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
     PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
-    if (first && *reason == TAO_DIVERGED_MAXITS) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
+    if (first && *reason == TAO_DIVERGED_MAXITS && !descent->step) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
     if (taut) {
       PetscCall(VecPointwiseDivide(x, descent->u, descent->weight));
       *reason = TAO_CONVERGED_USER;
@@ -203,14 +238,15 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscFunctionReturn(0);
 }
 
-/* From u down to a state in balance under the load, if *rests; else u stays. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
-PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, PetscBool *heavier, Vec u, PetscBool *rests)
+/* From u down to a state in balance under the load, if *rests; else u stays. step: its length where it is to stay near u, with the operators there are, NULL: any. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
+PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, PetscBool *heavier, Vec u, PetscBool *rests)
 {
-  LatinDescent       descent = {.structure = ((SNES_Latin *)snes->data)->large.frame->turns, .load = load};
+  LatinDescent       descent = {.structure = ((SNES_Latin *)snes->data)->large.frame->turns, .load = load, .step = step};
   PetscReal          loads;
   TaoConvergedReason reason;
   Tao                tao;
   Vec                x;
+  KSP                ksp;
 
   PetscFunctionBegin;
   PetscCall(VecDuplicate(u, &x));
@@ -218,6 +254,10 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, PetscBool *hea
   PetscCall(VecDuplicate(u, &descent.more));
   PetscCall(VecDuplicate(u, &descent.u));
   PetscCall(LatinDescentWeights_Private(&descent));
+  if (step) {
+    PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
+    PetscCall(KSPGetPC(ksp, &descent.pc));
+  }
   PetscCall(VecPointwiseMult(x, load, descent.weight));
   PetscCall(VecNorm(x, NORM_2, &loads));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));

@@ -431,14 +431,24 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 /* A linear solver of the tangent stiffness at u; borrowed. Collective on snes */
 PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  Mat         A, P;
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->large.frame->turns;
+  PetscReal     *slope;
+  Mat            A, P;
 
   PetscFunctionBegin;
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
   PetscCall(SNESSetUp(data->newton.snes));
   PetscCall(SNESGetJacobian(data->newton.snes, &A, &P, NULL, NULL));
-  PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
+  if (structure->slope) PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P)); /* of the interior-point method */
+  else {
+    PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* never NULL */
+    PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
+    structure->slope = slope;
+    PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
+    structure->slope = NULL;
+    PetscCall(PetscFree(slope));
+  }
   PetscCall(SNESGetKSP(data->newton.snes, ksp));
   PetscCall(KSPSetOperators(*ksp, A, P));
   data->large.limit = LATIN_LARGE_PREDICT;

@@ -1,4 +1,4 @@
-#include "snes/sneslatinimpl.h"
+#include "snes/largepath.h"
 
 /*
    The equilibrium to which loads and prescribed displacements (snes/largesupports.c) lead as they grow from zero, where there may be others. Of cables
@@ -24,166 +24,9 @@
 */
 
 #define LATIN_PATH_SOFT        8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
-#define LATIN_PATH_KINK        1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
-#define LATIN_PATH_STIFFENS    1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
 #define LATIN_PATH_SOFTENED    10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
-#define LATIN_PATH_JUMP        0.1  /* times the displacements so far: there such an increment may move the structure no further */
 #define LATIN_PATH_CURVE       3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_CORRECTED   30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
-#define LATIN_PATH_LEAST       1e-4 /* increments of the loads: smaller ones show a limit point */
-#define LATIN_PATH_PART        0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
-#define LATIN_PATH_DRAWN       1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
-#define LATIN_PATH_RESIDUAL    0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
-#define LATIN_PATH_REFINEMENTS 3    /* and solves for what is left, steps of iterative refinement, show that it does not */
-#define LATIN_PATH_TARGETS     16   /* each at most half as far as the one before, and none closer than the least increment */
-#define LATIN_PATH_NONE        1e-9 /* of the size of the structure: displacements that are none */
-
-/* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; `stable`: u is; `other`: u is further than any path leads, on another one; `passed`: too far to be sought */
-typedef struct {
-  PetscReal part, far;
-  Vec       u, ahead;
-  PetscBool stable, other, passed;
-} LatinPathTarget;
-
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
-typedef struct {
-  Vec             first, whole, u, ahead, more, step;
-  PetscReal       far, firm; /* l2 norm of ahead, the least one of all equilibria so far */
-  PetscReal       failed;    /* the least increment from u that Newton's method failed at */
-  LatinPathTarget target[LATIN_PATH_TARGETS];
-  PetscInt        targets;
-  PetscBool       kinks, heavier;
-} LatinPath;
-
-/* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
-static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  PetscCall(VecWAXPY(path->more, -1.0, data->large.frame->load, path->first));
-  PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
-  snes->vec_rhs = path->more;
-  PetscCall(SNESLatinSupportsAt_Private(snes, part));
-  PetscFunctionReturn(0);
-}
-
-/* The displacements by which the whole path would move u, where supports are, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
-static PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Vec rate, PetscReal *far)
-{
-  PetscFunctionBegin;
-  PetscCall(VecWAXPY(path->step, -1.0, path->first, path->whole));
-  PetscCall(SNESLatinSupportsLoad_Private(snes, u, path->step));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, rate, far));
-  PetscFunctionReturn(0);
-}
-
-/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself; nodes that only slack links hold rest anywhere, unless there are no others. Overwrites path->step. Collective on snes */
-static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
-{
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
-  PetscReal            moved = 0.0, force, left = PETSC_MAX_REAL;
-  KSP                  ksp;
-  Mat                  K;
-  PetscInt             n;
-  Vec                  other, forces;
-
-  PetscFunctionBegin;
-  PetscCall(LatinPathForces_Private(path->step));
-  PetscCall(DMGetGlobalVector(structure->dm, &other));
-  PetscCall(DMGetGlobalVector(structure->dm, &forces));
-  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
-  PetscCall(KSPGetOperators(ksp, &K, NULL));
-  PetscCall(MatMult(K, path->step, other));
-  PetscCall(LatinPathLoose_Private(structure, other, path->step));
-  PetscCall(VecNorm(path->step, NORM_2, &force));
-  for (PetscInt k = 0; k < LATIN_PATH_REFINEMENTS && moved < PETSC_MAX_REAL && left > LATIN_PATH_RESIDUAL * force; k++) {
-    PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
-    PetscCall(MatMult(K, other, forces));
-    PetscCall(VecAXPY(path->step, -1.0, forces));
-    PetscCall(VecNorm(path->step, NORM_2, &left));
-  }
-  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &other));
-  PetscCall(VecGetSize(u, &n));
-  *stable = (PetscBool)(!n || (force > 0.0 && moved < PETSC_MAX_REAL && left <= LATIN_PATH_RESIDUAL * force));
-  PetscFunctionReturn(0);
-}
-
-/* Is path->u a stable equilibrium that a path may start from? Not if the least increment moves it by more than its size: rounding alone holds it. Collective on snes */
-static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, PetscBool *held)
-{
-  PetscReal moved, size, prescribed;
-
-  PetscFunctionBegin;
-  PetscCall(VecCopy(path->u, snes->vec_sol));
-  if (((SNES_Latin *)snes->data)->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
-  PetscCall(LatinPathStable_Private(snes, path, path->u, held));
-  if (!*held) PetscFunctionReturn(0);
-  PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
-  PetscCall(LatinStructureSize_Private(((SNES_Latin *)snes->data)->large.frame->turns, &size, &prescribed));
-  *held = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
-  PetscFunctionReturn(0);
-}
-
-/* The loads that the displacements path->u bear are the first ones of the path. Collective on structure */
-static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const LatinPath *path)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinTurningResidual_Private(structure, NULL, path->u, path->first));
-  PetscCall(VecAXPY(path->first, 1.0, structure->load));
-  PetscFunctionReturn(0);
-}
-
-/* Down the energy from path->u, for this part of the loads, to a stable equilibrium there, if *starts. Collective on snes */
-static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, PetscReal part, PetscBool *starts)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(VecCopy(path->whole, path->step));
-  PetscCall(VecScale(path->step, part));
-  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, &path->heavier, path->u, starts));
-  if (*starts) {
-    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
-    *starts = LatinNextConverged(data->next);
-    PetscCall(VecCopy(snes->vec_sol, path->u));
-  }
-  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
-  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
-  else PetscCall(VecZeroEntries(path->u));
-  PetscFunctionReturn(0);
-}
-
-/*
-   Finds a stable equilibrium u from which a path may start: without loads the drawn configuration, or where its tensions move it, or down the energy from
-   there; else, as of a mechanism that the loads alone hold, down the energy under all loads or a part of them, with supports as given. Collective on snes
-*/
-static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   left, loads;
-
-  PetscFunctionBegin;
-  PetscCall(LatinPathLoad_Private(snes, path, 0.0));
-  PetscCall(SNESComputeFunction(snes, path->u, path->step));
-  PetscCall(VecNorm(path->step, NORM_2, &left));
-  PetscCall(VecNorm(path->whole, NORM_2, &loads));
-  *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
-  if (!*starts) {
-    PetscCall(SNESLatinLargeProof_Private(snes, path->u, starts));
-    *starts = (PetscBool)(*starts && LatinNextConverged(data->next));
-    if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
-  }
-  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
-  if (*starts) PetscFunctionReturn(0);
-  PetscCall(VecZeroEntries(path->u));
-  PetscCall(LatinPathDescend_Private(snes, path, 0.0, starts));
-  if (!*starts) PetscCall(SNESLatinSupportsFrom_Private(snes, data->large.frame->turns->prescribed));
-  for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
-  PetscFunctionReturn(0);
-}
 
 /*
    By how much the next increment is to be smaller: 1 where this one, to the target, has moved no node too far, nor much less or more than the tangent stiffness
@@ -289,13 +132,19 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 }
 
 /* The tangent prediction from the equilibrium that was found for the nearest target, and whether it is stable: once, with the operators there are. Collective on snes */
-static PetscErrorCode LatinPathSee_Private(SNES snes, const LatinPath *path, LatinPathTarget *target)
+static PetscErrorCode LatinPathSee_Private(SNES snes, LatinPath *path, LatinPathTarget *target)
 {
+  PetscBool again = PETSC_TRUE;
+
   PetscFunctionBegin;
   if (!target->ahead) PetscCall(VecDuplicate(target->u, &target->ahead));
-  PetscCall(LatinPathRate_Private(snes, path, target->u, target->ahead, &target->far));
-  target->stable = (PetscBool)(target->far < PETSC_MAX_REAL);
-  if (target->stable) PetscCall(LatinPathStable_Private(snes, path, target->u, &target->stable));
+  for (PetscInt k = 0; k < 2 && again; k++) {
+    PetscCall(LatinPathRate_Private(snes, path, target->u, target->ahead, &target->far));
+    target->stable = (PetscBool)(target->far < PETSC_MAX_REAL);
+    if (target->stable) PetscCall(LatinPathStable_Private(snes, path, target->u, &target->stable));
+    again = (PetscBool)(!target->stable && !k);
+    if (again) PetscCall(LatinPathSettle_Private(snes, path, target, &again));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -374,18 +223,17 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* The path, from u; `from`: a stable equilibrium. Collective on snes */
-static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
+/* Increments of the path from u, as far as they lead. Collective on snes */
+static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
   PetscReal   smaller;
 
   PetscFunctionBegin;
-  if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
-  path->firm = path->far;
-  LatinPathCloser(path, 1.0);
-  while (from && path->targets && SNESLatinStagesLeft(snes) > 0) {
+  while (path->targets) PetscCall(LatinPathReached_Private(path));
+  if (large->reached < 1.0) LatinPathCloser(path, 1.0);
+  while (path->targets && SNESLatinStagesLeft(snes) > 0) {
     while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->reached;
@@ -399,40 +247,28 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
       PetscCall(LatinPathReached_Private(path));
     }
   }
-  if (!path->targets) PetscFunctionReturn(0);
+  PetscFunctionReturn(0);
+}
+
+/* The path, from u; `from`: a stable equilibrium. Collective on snes */
+static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
+{
+  SNES_Latin *data     = (SNES_Latin *)snes->data;
+  PetscBool   goes = from;
+
+  PetscFunctionBegin;
+  if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
+  path->firm = path->far;
+  while (goes) {
+    PetscCall(LatinPathIncrements_Private(snes, path));
+    if (data->next == LATIN_NEXT_GIVEN || !path->targets) PetscFunctionReturn(0);
+    goes = PETSC_FALSE;
+    if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathBranch_Private(snes, path, &goes));
+  }
   PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
   /* the iteration alone, which bars in compression disturb, ends before a limit point as well as at one */
   if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathLimit_Private(snes, path));
-  PetscFunctionReturn(0);
-}
-
-/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Supports are where they were at the last solution, at another guess as given. Collective on snes */
-static PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
-{
-  SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
-  Vec            rhs       = snes->vec_rhs;
-  PetscBool      last;
-
-  PetscFunctionBegin;
-  PetscCall(VecCopy(structure->load, path->whole));
-  if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
-  PetscCall(VecZeroEntries(path->first));
-  *from = last = (PetscBool)(data->warm && data->has_state);
-  if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));
-  if (*from || data->guess) {
-    PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
-    PetscCall(SNESLatinSupportsFrom_Private(snes, last ? data->large.held : structure->prescribed));
-  }
-  if (data->guess) PetscCall(LatinPathHeld_Private(snes, path, from));
-  if (*from) PetscCall(LatinPathFirst_Private(structure, path));
-  else {
-    PetscCall(VecZeroEntries(path->u));
-    PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
-    PetscCall(LatinPathStarts_Private(snes, path, from));
-  }
-  snes->vec_rhs = rhs;
   PetscFunctionReturn(0);
 }
 

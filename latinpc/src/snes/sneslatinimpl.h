@@ -167,6 +167,8 @@ typedef struct {
   PetscReal  size, tension;      /* of the structure; norm of its tensions at the start */
   PetscInt   last;               /* number of the last linear stage for these loads */
   PetscReal  reached;            /* part of the loads of which the displacements are the equilibrium */
+  PetscReal  branch;             /* part at which a stable branch begins where the structure buckles; negative: not known */
+  PetscBool  sheared;            /* the path has gone on where crossed cables slacken together */
   Vec        solution;           /* end of the last path: displacements, */
   PetscReal *held;               /* and prescribed ones, [nodes_local][dim] */
   PetscInt   most;               /* most linear iterations */
@@ -347,7 +349,8 @@ PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec
 PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
+PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscBool stiffer, PetscReal slope[]);
+PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, Vec step, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
 /* supports that move (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
 PETSC_INTERN PetscErrorCode SNESLatinSupportsAt_Private(SNES, PetscReal part);

@@ -1,0 +1,167 @@
+#include "snes/largepath.h"
+
+/* Where the path of the loads starts: at what is drawn, at what a warm start or a guess gives, or down the energy from what is drawn */
+
+#define LATIN_PATH_PART        0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
+#define LATIN_PATH_DRAWN       1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_RESIDUAL    0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
+#define LATIN_PATH_REFINEMENTS 3    /* and solves for what is left, steps of iterative refinement, show that it does not */
+
+/* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
+PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(VecWAXPY(path->more, -1.0, data->large.frame->load, path->first));
+  PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
+  snes->vec_rhs = path->more;
+  PetscCall(SNESLatinSupportsAt_Private(snes, part));
+  PetscFunctionReturn(0);
+}
+
+/* The displacements by which the whole path would move u, where supports are, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
+PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Vec rate, PetscReal *far)
+{
+  PetscFunctionBegin;
+  PetscCall(VecWAXPY(path->step, -1.0, path->first, path->whole));
+  PetscCall(SNESLatinSupportsLoad_Private(snes, u, path->step));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, rate, far));
+  PetscFunctionReturn(0);
+}
+
+/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself; nodes that only slack links hold rest anywhere, unless there are no others. Overwrites path->step. Collective on snes */
+PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
+{
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  PetscReal            moved = 0.0, force, left = PETSC_MAX_REAL;
+  KSP                  ksp;
+  Mat                  K;
+  PetscInt             n;
+  Vec                  other, forces;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathForces_Private(path->step));
+  PetscCall(DMGetGlobalVector(structure->dm, &other));
+  PetscCall(DMGetGlobalVector(structure->dm, &forces));
+  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(KSPGetOperators(ksp, &K, NULL));
+  PetscCall(MatMult(K, path->step, other));
+  PetscCall(LatinPathLoose_Private(structure, other, path->step));
+  PetscCall(VecNorm(path->step, NORM_2, &force));
+  for (PetscInt k = 0; k < LATIN_PATH_REFINEMENTS && moved < PETSC_MAX_REAL && left > LATIN_PATH_RESIDUAL * force; k++) {
+    PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
+    PetscCall(MatMult(K, other, forces));
+    PetscCall(VecAXPY(path->step, -1.0, forces));
+    PetscCall(VecNorm(path->step, NORM_2, &left));
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &other));
+  PetscCall(VecGetSize(u, &n));
+  *stable = (PetscBool)(!n || (force > 0.0 && moved < PETSC_MAX_REAL && left <= LATIN_PATH_RESIDUAL * force));
+  PetscFunctionReturn(0);
+}
+
+/* Is path->u a stable equilibrium that a path may start from? Not if the least increment moves it by more than its size: rounding alone holds it. Collective on snes */
+static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, PetscBool *held)
+{
+  PetscReal moved, size, prescribed;
+
+  PetscFunctionBegin;
+  PetscCall(VecCopy(path->u, snes->vec_sol));
+  if (((SNES_Latin *)snes->data)->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
+  PetscCall(LatinPathStable_Private(snes, path, path->u, held));
+  if (!*held) PetscFunctionReturn(0);
+  PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
+  PetscCall(LatinStructureSize_Private(((SNES_Latin *)snes->data)->large.frame->turns, &size, &prescribed));
+  *held = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
+  PetscFunctionReturn(0);
+}
+
+/* The loads that the displacements path->u bear are the first ones of the path. Collective on structure */
+static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const LatinPath *path)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinTurningResidual_Private(structure, NULL, path->u, path->first));
+  PetscCall(VecAXPY(path->first, 1.0, structure->load));
+  PetscFunctionReturn(0);
+}
+
+/* Down the energy from path->u, for this part of the loads, to a stable equilibrium there, if *starts. Collective on snes */
+static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, PetscReal part, PetscBool *starts)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathLoad_Private(snes, path, part));
+  PetscCall(VecCopy(path->whole, path->step));
+  PetscCall(VecScale(path->step, part));
+  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, NULL, &path->heavier, path->u, starts));
+  if (*starts) {
+    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
+    *starts = LatinNextConverged(data->next);
+    PetscCall(VecCopy(snes->vec_sol, path->u));
+  }
+  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
+  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
+  else PetscCall(VecZeroEntries(path->u));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Finds a stable equilibrium u from which a path may start: without loads the drawn configuration, or where its tensions move it, or down the energy from
+   there; else, as of a mechanism that the loads alone hold, down the energy under all loads or a part of them, with supports as given. Collective on snes
+*/
+static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   left, loads;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathLoad_Private(snes, path, 0.0));
+  PetscCall(SNESComputeFunction(snes, path->u, path->step));
+  PetscCall(VecNorm(path->step, NORM_2, &left));
+  PetscCall(VecNorm(path->whole, NORM_2, &loads));
+  *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
+  if (!*starts) {
+    PetscCall(SNESLatinLargeProof_Private(snes, path->u, starts));
+    *starts = (PetscBool)(*starts && LatinNextConverged(data->next));
+    if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
+  }
+  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
+  if (*starts) PetscFunctionReturn(0);
+  PetscCall(VecZeroEntries(path->u));
+  PetscCall(LatinPathDescend_Private(snes, path, 0.0, starts));
+  if (!*starts) PetscCall(SNESLatinSupportsFrom_Private(snes, data->large.frame->turns->prescribed));
+  for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
+  PetscFunctionReturn(0);
+}
+
+/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Supports are where they were at the last solution, at another guess as given. Collective on snes */
+PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->large.frame->turns;
+  Vec            rhs       = snes->vec_rhs;
+  PetscBool      last;
+
+  PetscFunctionBegin;
+  PetscCall(VecCopy(structure->load, path->whole));
+  if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
+  PetscCall(VecZeroEntries(path->first));
+  *from = last = (PetscBool)(data->warm && data->has_state);
+  if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));
+  if (*from || data->guess) {
+    PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, last ? data->large.held : structure->prescribed));
+  }
+  if (data->guess) PetscCall(LatinPathHeld_Private(snes, path, from));
+  if (*from) PetscCall(LatinPathFirst_Private(structure, path));
+  else {
+    PetscCall(VecZeroEntries(path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
+    PetscCall(LatinPathStarts_Private(snes, path, from));
+  }
+  snes->vec_rhs = rhs;
+  PetscFunctionReturn(0);
+}
