@@ -187,6 +187,15 @@ LARGE = {
         "steps",
         "Descents of 100 towers take 4 to 72; under the loads themselves 26 take more than 500.",
     ),
+    "LATIN_DESCENT_NEAR": (
+        "times `LATIN_DESCENT_BALANCE`",
+        "What one of two crossed cables bears once both have slackened is small: with 1e-3 1 of 9 braced towers fails.",
+    ),
+    "LATIN_DESCENT_AWAY": (
+        "of the size",
+        "A branch begins within a hundredth, a snap-through leaves at once: without, a bridge of 60 panels that buckles"
+        " takes 6.3 s in the place of 0.6.",
+    ),
     "LATIN_DESCENT_HEAVY": (
         "of the stiffness times the size",
         "60 random towers: a rotation changes the state of 1; with 0.01 of 4, with 1 of 2.",
@@ -230,6 +239,18 @@ LARGE = {
         "In increments below a thousandth, elsewhere 2. With 4 there a mast in strong wind ends at a fortieth of its "
         "path, where a guy slackens. With 4 elsewhere a random tower of 240 is given an equilibrium beyond a limit "
         "point; 240 random structures take 2 % fewer set-ups. At a limit point it is 1e5.",
+    ),
+    "LATIN_BRANCH_AHEAD": ("of the path", "Sixteen times the least increment: the branch begins within one of these."),
+    "LATIN_BRANCH_LESS": ("times less", "Displacements are a quarter, or half: well apart from each other and from 1."),
+    "LATIN_BRANCH_NEARER": ("ratio", "Between 1/2, of what buckles and bears more, and 1, of what snaps through."),
+    "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
+    "LATIN_BRANCH_TRIES": ("tries", "Of 60 braced towers with symmetric loads 50 are solved with 1, 55 with 3."),
+    "LATIN_BRANCH_FURTHER": ("ratio", "From 0.0016 to 0.1 of the path in three tries."),
+    "LATIN_BRANCH_POWER": ("steps", "The direction that the softer sides leave free shows after three or four."),
+    "LATIN_BRANCH_DISTURBS": (
+        "of the size",
+        "Forces of this far along the mode are above the balance of a descent; displacements ahead alone, of a strut"
+        " that is stiff along its path, are not.",
     ),
     "LATIN_PATH_KINK": (
         "of the displacements",

@@ -258,6 +258,7 @@ OTHERS = {
         "Of 3,000 structures next to collapse 8 are wrong and called right without, 1 with. A lattice of 561 nodes "
         "takes 7 stages in the place of 9 and twice the time, 13 ms; larger structures pay the same share for less.",
     ),
+    "LATIN_PETSC_DIVTOL": ("ratio", "PETSc's own default, for a SNES that leaves TS latin."),
     "LATIN_NEWTON_SAFETY_MOST": (
         "ratio",
         "A bound on the digits asked of linear solves, beside the target of 1e-4 their rounding.",

@@ -113,6 +113,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinSolveCases(PetscSNES, PetscInt, const PetscReal **, const PetscReal **, const PetscReal **, PetscReal **, PetscReal **, PetscInt *)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
     PetscErrorCode SNESLatinGetPath(PetscSNES, PetscInt *, PetscReal *)
+    PetscErrorCode SNESLatinGetBranch(PetscSNES, PetscBool *)
     PetscErrorCode SNESLatinGetUnsupportedNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
     PetscErrorCode SNESLatinGetJammedLinks(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *, PetscReal *)

@@ -374,11 +374,13 @@ def estimates(SNES snes not None):
 
 
 def path(SNES snes not None):
-    """Return how often operators were made anew, and the part of the loads that is borne."""
+    """Return how often operators were made anew, the part of the loads that is borne, whether a branch begins there."""
     cdef PetscInt renewals = 0
     cdef PetscReal borne = 0
+    cdef PetscBool branch = <PetscBool>0
     CHKERR(SNESLatinGetPath(snes.snes, &renewals, &borne))
-    return renewals, borne
+    CHKERR(SNESLatinGetBranch(snes.snes, &branch))
+    return renewals, borne, bool(branch)
 
 
 def unsupported_nodes(SNES snes not None):

@@ -93,7 +93,7 @@ def history(snes: PETSc.SNES) -> dict[str, np.ndarray]:
     return dict(zip(("indicator", "error_l2", "error_energy", "estimate"), values))
 
 
-def path(snes: PETSc.SNES) -> dict[str, int | float]:
+def path(snes: PETSc.SNES) -> dict[str, int | float | bool]:
     """Return how the last solve with large displacements went; not collective.
 
     Parameters
@@ -106,10 +106,11 @@ def path(snes: PETSc.SNES) -> dict[str, int | float]:
     dict
         ``renewals``, how often operators were made at displaced configurations; ``borne``, the part of the loads and
         prescribed displacements that the displacements are of: 1, or less where no stable equilibrium follows that
-        of this part.
+        of this part; ``branch``, whether a stable branch begins there: the structure buckles to one side or the
+        other, and bears more.
     """
-    renewals, borne = _latin.path(snes)
-    return {"renewals": renewals, "borne": borne}
+    renewals, borne, branch = _latin.path(snes)
+    return {"renewals": renewals, "borne": borne, "branch": branch}
 
 
 def unsupported_nodes(snes: PETSc.SNES) -> tuple[int, list[int]]:

@@ -203,6 +203,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscRea
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *last, PetscReal *floor);
 PETSC_EXTERN PetscErrorCode SNESLatinGetTensionError(SNES, PetscReal *error);
 PETSC_EXTERN PetscErrorCode SNESLatinGetPath(SNES, PetscInt *renewals, PetscReal *borne);
+PETSC_EXTERN PetscErrorCode SNESLatinGetBranch(SNES, PetscBool *begins);
 PETSC_EXTERN PetscErrorCode SNESLatinGetUnsupportedNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *distance);
 PETSC_EXTERN PetscErrorCode SNESLatinGetJammedLinks(SNES, PetscInt *count, PetscInt *listed, const PetscInt *link[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetTensions(SNES, PetscReal tension[]);

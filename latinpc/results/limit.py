@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from .modes import Modes
 
-__all__ = ["bearing", "borne", "moving", "slackening", "softest", "unstable"]
+__all__ = ["bearing", "borne", "branches", "moving", "slackening", "softest", "unstable"]
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
@@ -48,6 +48,11 @@ def borne(snes: PETSc.SNES, structure: Structure) -> float | None:
     if structure.geometry != "large" or snes.getType() != "latin" or (structure.law == Law.CABLE).all():
         return None
     return solvers.path(snes)["borne"]
+
+
+def branches(snes: PETSc.SNES, factor: float | None) -> bool:
+    """Whether a stable branch begins where a path ends, with a factor of `borne`; not collective."""
+    return factor is not None and factor < 1.0 and solvers.path(snes)["branch"]
 
 
 @contextlib.contextmanager

@@ -306,7 +306,7 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
     ----------
     structure : Structure
     report : mapping
-        Of its solve: ``reason``, and ``load_factor`` if there is one.
+        Of its solve: ``reason``, ``load_factor`` if there is one, and ``branch``, whether a stable branch begins there.
     nodes : sequence of int
         That move most; none where that is not known.
     kind : {"mechanism", "unstable", "soft"}
@@ -321,7 +321,15 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
     named = structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
     if factor <= 0.0:  # the configuration as drawn is held by forces that are none of the loads
         return [f"{_DRAWN[kind]}; nodes that move: {named}" if named else "no stable equilibrium has been found"]
-    text = f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
+    if report.get("branch"):
+        text = (
+            f"the structure buckles at {factor:.4g} of the loads, to one side or the other, and may bear more there:"
+            " a small load or imperfection along the mode leads on"
+        )
+    else:
+        text = (
+            f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
+        )
     moved = f"; nodes that move most in its mode: {named}" if named else ""
     return [f"{text}. Displacements are those of this part of the loads{moved}"]
 

@@ -14,7 +14,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
-from .limit import bearing, borne, moving, softest, unstable
+from .limit import bearing, borne, branches, moving, softest, unstable
 from .loose import loose
 from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
@@ -237,6 +237,7 @@ def _gathered(structure, snes, core, u, part, factor, ends):
     result.notices += loose(result)
     result.notices += turned(result) or changed(result)
     result.notices += unstable(structure, u, result.slack) if result.converged else []
-    result.notices += limit(structure, result.report, [] if mode is None else moving(mode), kind)
+    said = result.report | {"branch": branches(snes, factor)}
+    result.notices += limit(structure, said, [] if mode is None else moving(mode), kind)
     r.destroy()
     return result

@@ -20,7 +20,7 @@ from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
-from latinpc.results.limit import bearing, borne, moving, softest, unstable
+from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
@@ -390,7 +390,8 @@ class _Series:
         if factor is not None and factor < 1.0:
             mode, kind = softest(structure, u, self.tensions[number], factor == 0.0)
             nodes = [] if mode is None else moving(mode)
-            said += limit(structure, {"reason": reason, "load_factor": factor}, nodes, kind)
+            report = {"reason": reason, "load_factor": factor, "branch": branches(snes, factor)}
+            said += limit(structure, report, nodes, kind)
         self.notices += [f"case {self.cases[number].name}: {text}" for text in said]
 
     def rows(self):

@@ -11,8 +11,10 @@
 #define LATIN_BRANCH_LESS     4.0                       /* times less of them show whether it is one: displacements along branches grow as fast as the loads, or as their root */
 #define LATIN_BRANCH_NEARER   0.75                      /* times as far, at most, with less */
 #define LATIN_BRANCH_LINEAR   0.35                      /* times as far, at most, of a panel that shears: a quarter; what buckles goes half as far */
+#define LATIN_BRANCH_TRIES    3                         /* steps tried where cables are at their kinks, */
+#define LATIN_BRANCH_FURTHER  8.0                       /* each so many times as long: under few loads rounding hides which way the energy falls */
 #define LATIN_BRANCH_POWER    8                         /* steps of the power method */
-#define LATIN_BRANCH_DISTURBS 1.0                       /* times the displacements ahead, of the mode: breaks the symmetry */
+#define LATIN_BRANCH_DISTURBS 1e-6                      /* of the size of the structure, beside the displacements ahead: how far along the mode a descent begins */
 
 /* From v down the energy to a stable equilibrium under that part of the path, if *stable; `first` of the displacements ahead is the first step. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, PetscReal part, PetscReal first, Vec v, PetscBool *stable)
@@ -103,7 +105,7 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
   PetscFunctionBegin;
   *beside = PETSC_MAX_REAL;
   PetscCall(VecWAXPY(v, more, path->ahead, path->u));
-  PetscCall(VecAXPY(v, LATIN_BRANCH_DISTURBS * more * path->far, mode));
+  PetscCall(VecAXPY(v, more * path->far + LATIN_BRANCH_DISTURBS * ((SNES_Latin *)snes->data)->large.size, mode));
   PetscCall(LatinBranchSettle_Private(snes, path, ((SNES_Latin *)snes->data)->large.reached + more, more, v, &stable));
   if (!stable) PetscFunctionReturn(0);
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
@@ -122,7 +124,7 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
   if (less < PETSC_MAX_REAL) PetscCall(LatinBranchSeek_Private(snes, path, mode, more, v, &beside));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &little));
   little  = PetscMax(LATIN_PATH_KINK * little, LATIN_PATH_NONE * large->size); /* as an increment may move it */
-  *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside);
+  *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside && less * LATIN_BRANCH_LESS * LATIN_BRANCH_LESS >= beside * LATIN_BRANCH_LINEAR);
   *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= PetscMax(LATIN_BRANCH_NEARER * beside, little));
   PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
   PetscFunctionReturn(0);
@@ -142,7 +144,7 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
   PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
   PetscCall(LatinBranchKinks_Private(snes, path, v, &kinks));
   if (!kinks) PetscCall(LatinBranchMode_Private(snes, path, v));
-  PetscCall(VecAYPX(v, LATIN_BRANCH_DISTURBS * PetscMin(more, LATIN_BRANCH_AHEAD) * path->far, target->u));
+  PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURBS * large->size, target->u));
   PetscCall(LatinBranchSettle_Private(snes, path, target->part, PetscMin(more, LATIN_BRANCH_AHEAD), v, settles));
   if (*settles) PetscCall(VecCopy(v, target->u));
   PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
@@ -152,21 +154,24 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
 /* Where no increment follows path->u: on where a panel shears, if *goes; large->branch where it buckles, and a stable branch begins. Collective on snes */
 PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *goes)
 {
-  LatinLarge     *large = &((SNES_Latin *)snes->data)->large;
-  const PetscReal more  = PetscMin(LATIN_BRANCH_AHEAD, 1.0 - large->reached);
-  PetscBool       kinks, linear, begins = PETSC_FALSE;
-  Vec             v, mode;
+  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  PetscBool   kinks, linear = PETSC_FALSE, begins = PETSC_FALSE;
+  PetscReal   more = 0.0;
+  Vec         v, mode[2];
 
   PetscFunctionBegin;
   *goes = PETSC_FALSE;
   if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode));
-  PetscCall(LatinBranchKinks_Private(snes, path, mode, &kinks));
-  if (kinks) PetscCall(LatinBranchBegins_Private(snes, path, mode, more, v, &begins, &linear));
-  if (!begins) {
-    PetscCall(LatinBranchMode_Private(snes, path, mode));
-    PetscCall(LatinBranchBegins_Private(snes, path, mode, more, v, &begins, &linear));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode[i]));
+  PetscCall(LatinBranchKinks_Private(snes, path, mode[0], &kinks));
+  PetscCall(LatinBranchMode_Private(snes, path, mode[1]));
+  for (PetscInt k = 0; k < (kinks ? LATIN_BRANCH_TRIES : 1) && !begins && more < 1.0 - large->reached; k++) {
+    more = PetscMin(k ? LATIN_BRANCH_FURTHER * more : LATIN_BRANCH_AHEAD, 1.0 - large->reached);
+    for (PetscInt i = kinks ? 0 : 1; i < 2 && !begins; i++) {
+      PetscCall(LatinBranchBegins_Private(snes, path, mode[i], more, v, &begins, &linear));
+      if (k) begins = (PetscBool)(begins && linear);
+    }
   }
   *goes = (PetscBool)(begins && linear);
   if (begins && !*goes) large->branch = large->reached;
@@ -177,7 +182,7 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
     large->sheared = PETSC_TRUE;
     path->failed   = PETSC_MAX_REAL;
   }
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &mode));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &mode[i]));
   PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
   PetscFunctionReturn(0);
 }

@@ -22,6 +22,7 @@
 #define LATIN_DESCENT_STEPS   200                           /* most steps under heavier loads, and as these fall */
 #define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
 #define LATIN_DESCENT_LIGHTER 10.0                          /* times as light as the ones before: the next loads */
+#define LATIN_DESCENT_AWAY    0.05                          /* of the size of the structure: further from where a descent is to stay near it snaps through */
 #define LATIN_DESCENT_FAR     1e3                           /* of the size of the structure: displacements that lead nowhere */
 
 typedef struct {
@@ -32,6 +33,7 @@ typedef struct {
   PetscReal      times;        /* the loads act */
   Vec            step;         /* length of the first step of a descent that is to stay near where it begins, with the operators there; NULL: any */
   PC             pc;           /* these operators */
+  Vec            start;        /* where it begins */
   PetscInt       most;         /* steps */
   PetscBool      tried;        /* heavier loads have been */
 } LatinDescent;
@@ -110,7 +112,7 @@ static PetscErrorCode LatinDescentTangent_Private(Tao tao, Vec x, Mat A, Mat P, 
 static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
 {
   const LatinDescent *descent = (LatinDescent *)ctx;
-  PetscReal           left, radius, far;
+  PetscReal           left, radius, far, away = 0.0;
   PetscInt            it;
   Vec                 x;
 
@@ -118,8 +120,13 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
   PetscCall(TaoGetSolutionStatus(tao, &it, NULL, &left, NULL, &radius, NULL));
   PetscCall(TaoGetSolution(tao, &x));
   PetscCall(VecNorm(x, NORM_2, &far));
+  if (descent->step) { /* the work vectors are free between evaluations */
+    PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+    PetscCall(VecAXPY(descent->u, -1.0, descent->start));
+    PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
+  }
   if (left <= LATIN_DESCENT_BALANCE * (descent->step ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
-  else if (far > LATIN_DESCENT_FAR) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
+  else if (far > LATIN_DESCENT_FAR || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
   else PetscCall(TaoSetConvergedReason(tao, TAO_CONTINUE_ITERATING));
@@ -257,6 +264,8 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, Pets
   if (step) {
     PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
     PetscCall(KSPGetPC(ksp, &descent.pc));
+    PetscCall(VecDuplicate(u, &descent.start));
+    PetscCall(VecCopy(u, descent.start));
   }
   PetscCall(VecPointwiseMult(x, load, descent.weight));
   PetscCall(VecNorm(x, NORM_2, &loads));
@@ -268,6 +277,7 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, Pets
   if (descent.tried) *heavier = PETSC_FALSE;
   PetscCall(TaoDestroy(&tao));
   PetscCall(VecDestroy(&x));
+  PetscCall(VecDestroy(&descent.start));
   PetscCall(VecDestroy(&descent.u));
   PetscCall(VecDestroy(&descent.more));
   PetscCall(VecDestroy(&descent.weight));

@@ -23,10 +23,10 @@
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
-#define LATIN_PATH_SOFT        8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
-#define LATIN_PATH_SOFTENED    10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
-#define LATIN_PATH_CURVE       3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
-#define LATIN_PATH_CORRECTED   30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
+#define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
+#define LATIN_PATH_SOFTENED  10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
+#define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
+#define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 
 /*
    By how much the next increment is to be smaller: 1 where this one, to the target, has moved no node too far, nor much less or more than the tangent stiffness
@@ -253,7 +253,7 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
 /* The path, from u; `from`: a stable equilibrium. Collective on snes */
 static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
-  SNES_Latin *data     = (SNES_Latin *)snes->data;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscBool   goes = from;
 
   PetscFunctionBegin;

@@ -125,6 +125,30 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
 }
 
 /*@C
+  SNESLatinGetBranch - Does a stable branch begin where the path of the last solve with large displacements has ended?
+
+  Not collective
+
+  Output Parameter:
+. begins - the structure buckles to one side or the other, and bears more there: a small load, or an imperfection, leads along
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetPath()`, `SNESLatinGetUnsupportedNodes()`
+@*/
+PetscErrorCode SNESLatinGetBranch(SNES snes, PetscBool *begins)
+{
+  const SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large and solve first");
+  *begins = (PetscBool)(data->large.branch >= 0.0 && data->large.reached < 1.0);
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetUnsupportedNodes - Gets the unsupported nodes after a solve without convergence: loads move them, and no link resists.
 
   Not collective; the array is borrowed
