@@ -7,17 +7,16 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.options import default_options
 
-SIDE = 6
 LU = {"ksp_type": "preonly", "pc_type": "lu"}
 
 
-def net(law="cable", initial_elongation=0.002, load=(3.0, -5.0), **more):
+def net(law="cable", initial_elongation=0.002, load=(3.0, -5.0), side=6, **more):
     """Squares of bars with crossed links, held below, pulled at a corner."""
-    at = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
+    at = np.arange(side * side).reshape(side, side)
     edges = [(at[:, :-1], at[:, 1:]), (at[:-1], at[1:]), (at[:-1, :-1], at[1:, 1:]), (at[:-1, 1:], at[1:, :-1])]
     links = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in edges])
-    bars = 2 * SIDE * (SIDE - 1)
-    nodes = np.stack([np.arange(SIDE * SIDE) % SIDE, np.arange(SIDE * SIDE) // SIDE], 1).astype(float)
+    bars = 2 * side * (side - 1)
+    nodes = np.stack([np.arange(side * side) % side, np.arange(side * side) // side], 1).astype(float)
     forces = np.zeros_like(nodes)
     forces[-1] = load
     e0 = np.where(

@@ -141,3 +141,41 @@ def test_the_partitioner_is_a_setting():
     assert np.bincount(latinpc.subdomain_of_links(snes)).size == 5
     with pytest.raises(ValueError, match="partitioner must be one of auto, metis, parallel"):
         latinpc.set_partitioner(snes, "scotch")
+
+
+LAST = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+comm = PETSc.COMM_WORLD.tompi4py()
+n, last = 9, comm.rank == comm.size - 1
+at = np.arange(n * n).reshape(n, n)
+pairs = [(at[:, :-1], at[:, 1:]), (at[:-1], at[1:]), (at[:-1, :-1], at[1:, 1:]), (at[:-1, 1:], at[1:, :-1])]
+links = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in pairs])
+nodes = np.stack([at.ravel() % n, at.ravel() // n], 1).astype(float)
+load = np.where(nodes == n - 1, [[1.0, -2.0]], 0.0)
+nodes, links, load = (array if last else array[:0] for array in (nodes, links, load))
+part = latinpc.LocalStructure(
+    nodes, links, "bar", 1000.0, fixed=np.repeat(nodes[:, 1:] == 0.0, 2, 1), load=load
+)
+snes, u = part.create_snes(), part.create_vec()
+snes.setFromOptions()
+snes.solve(None, u)
+PETSc.Sys.Print("found", snes.getConvergedReason(), repr(u.norm()))
+"""
+
+
+@pytest.mark.parametrize("subdomains", [2, 3])
+def test_ranks_without_nodes(tmp_path, subdomains):
+    """All of the structure on the last of four ranks, fewer subdomains than ranks."""
+    script, found = tmp_path / "last.py", []
+    script.write_text(LAST)
+    for partitioner in ("parallel", "metis"):
+        options = ["-snes_latin_partitioner", partitioner, "-snes_latin_subdomains", subdomains]
+        text = run(["mpirun", "-n", 4, sys.executable, script, *options]).stdout
+        found.append([float(word) for word in text.split("found")[1].split()])
+    assert found[0][0] > 0
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-6)

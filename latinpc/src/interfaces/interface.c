@@ -218,15 +218,15 @@ static PetscErrorCode LatinInterfacePairs_Private(LatinInterfaces *inter, PetscI
   PetscFunctionReturn(0);
 }
 
-/* The class of each copy of a node, and its primal component; primal[] is work space */
-static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, const PetscInt table[], PetscInt primal[])
+/* The class of each copy of a node, and its primal component; primal[], strong[]: for each subdomain that shares the node, at share_offset[copy], its primal component and that by strong interfaces alone */
+static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, const PetscInt table[], PetscInt primal[], PetscInt strong[])
 {
   const LatinSubdomains *sub = inter->sub;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(sub->copies, &inter->node_class, sub->copies, &inter->component, sub->copies, &inter->glued));
   for (PetscInt i = 0; i < sub->copies; i++) {
-    const PetscInt  m = inter->share_offset[i + 1] - inter->share_offset[i];
+    const PetscInt  m = inter->share_offset[i + 1] - inter->share_offset[i], at = inter->share_offset[i];
     const PetscInt *t = table + inter->table_offset[i];
 
     inter->component[i]  = -1;
@@ -235,11 +235,12 @@ static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, cons
     for (PetscInt j = 0; j < m * m; j++)
       if (t[j] == PAIR_WEAK) inter->node_class[i] = 2;
     if (m) {
-      LatinNodePrimal_Private(inter->variant, m, t, primal);
-      inter->component[i] = primal[inter->position[i]];
+      LatinNodePrimal_Private(inter->variant, m, t, primal + at);
+      LatinNodeComponents(m, t, PAIR_STRONG, strong + at);
+      inter->component[i] = primal[at + inter->position[i]];
       if (inter->component[i] >= 0) inter->node_class[i] = 3;
       for (PetscInt j = 0; j < m; j++)
-        if (primal[j] >= 0) inter->glued[i] = PETSC_TRUE;
+        if (primal[at + j] >= 0) inter->glued[i] = PETSC_TRUE;
     }
   }
   PetscFunctionReturn(0);
@@ -250,14 +251,13 @@ static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
   const PetscInt         bs  = inter->sub->bs;
-  PetscInt              *table, *primal, *strong, largest = 1, capacity = 0, side_nodes = 0;
+  PetscInt              *table, *primal, *strong, capacity = 0, side_nodes = 0;
 
   PetscFunctionBegin;
   PetscCall(LatinInterfacePairs_Private(inter, &table));
-  for (PetscInt i = 0; i < sub->copies; i++) largest = PetscMax(largest, inter->share_offset[i + 1] - inter->share_offset[i]);
   for (PetscInt f = 0; f < inter->count; f++) capacity += bs * (inter->interface[f].node_last - inter->interface[f].node_first);
-  PetscCall(PetscMalloc2(largest, &primal, largest, &strong));
-  PetscCall(LatinInterfaceClasses_Private(inter, table, primal));
+  PetscCall(PetscMalloc2(inter->share_offset[sub->copies], &primal, inter->share_offset[sub->copies], &strong));
+  PetscCall(LatinInterfaceClasses_Private(inter, table, primal, strong));
   PetscCall(PetscMalloc1(capacity, &inter->side_dof));
   inter->sides = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
@@ -265,14 +265,12 @@ static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 
     face->side_first = inter->sides;
     for (PetscInt p = face->node_first; p < face->node_last; p++) {
-      const PetscInt  i = inter->node_list[p], m = inter->share_offset[i + 1] - inter->share_offset[i];
+      const PetscInt  i = inter->node_list[p], at = inter->share_offset[i], m = inter->share_offset[i + 1] - at;
       const PetscInt *t = table + inter->table_offset[i];
       PetscInt        j;
 
-      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
-      LatinNodePrimal_Private(inter->variant, m, t, primal);
-      LatinNodeComponents(m, t, PAIR_STRONG, strong);
-      if (!LatinNodeMicro_Private((PetscBool)(inter->variant == LATIN_VARIANT_PUBLISHED), m, t, primal, strong, inter->position[i], j)) continue;
+      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + at, &j));
+      if (!LatinNodeMicro_Private((PetscBool)(inter->variant == LATIN_VARIANT_PUBLISHED), m, t, primal + at, strong + at, inter->position[i], j)) continue;
       side_nodes++;
       for (PetscInt c = 0; c < bs; c++)
         if (!sub->fixed[bs * i + c]) inter->side_dof[inter->sides++] = bs * i + c;

@@ -241,7 +241,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscFree5(same, list, key, at, spring));
   PetscCall(PetscFree(wanted));
   LatinAgree(
-    PetscObjectComm(dir->sub->object), bad, PETSC_ERR_CONV_FAILED,
+    PetscObjectComm(dir->sub->object), bad, LatinSubdomainsTried(sub) ? PETSC_ERR_MAT_CH_ZRPVT : PETSC_ERR_CONV_FAILED,
     "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as after MatConvert() of a whole matrix to a MATIS, or rounding is large. For large rounding, choose another -%sdirection, e.g. diagonal",
     LatinPrefix(dir->sub));
   PetscFunctionReturn(0);

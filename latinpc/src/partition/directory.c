@@ -56,7 +56,7 @@ static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDi
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(n + 1, &i));
   PetscCall(PetscMalloc1(directory->offset[n], &j));
-  PetscCall(PetscMalloc1(n, weight));
+  PetscCall(PetscMalloc1(n + 1, weight)); /* NULL on a rank without nodes means that no rank has weights */
   i[0] = 0;
   for (PetscInt v = 0; v < n; v++) {
     PetscInt degree = directory->offset[v + 1] - directory->offset[v];

@@ -9,7 +9,7 @@
      of two                  1 + directions missing in either of them
      of three or more        1 if it is a corner, which the coarse problem holds; else subdomains - 1 + directions missing
 
-   A move takes one link, or all links of a subdomain at a node. It changes the cost at the ends of its links alone. The cost is
+   A move takes one link, or all links of a subdomain at a node, where very many links meet only these. It changes the cost at the ends of its links alone. The cost is
    an integer: sweeps over nodes with changed neighbours end when no move is left.
 
    In a piece of a structure (partition/pieces.c) moves may not touch nodes of other ranks, nor disconnect a subdomain.
@@ -17,6 +17,7 @@
 
 #define LATIN_REPAIR_SOFT    1e-2 /* smallest pivot that counts as a direction, for links of stiffness 1 */
 #define LATIN_REPAIR_BALANCE 0.25 /* largest deviation of subdomains from the mean number of links */
+#define LATIN_REPAIR_HUB     100  /* links of a node above which they move no longer one by one, which takes their number squared */
 #define LATIN_REPAIR_REACH   64   /* most nodes visited in the search of a path round removed links */
 
 typedef struct {
@@ -164,7 +165,8 @@ static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt 
 /* The best move at a node: returns the number of its links, best[], 0: none; *to: their new subdomain */
 static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt parts[], PetscInt n, PetscInt best[], PetscInt *to)
 {
-  PetscInt most = 0, count = 0;
+  const PetscBool hub  = (PetscBool)(repair->cut->offset[v + 1] - repair->cut->offset[v] > LATIN_REPAIR_HUB);
+  PetscInt        most = 0, count = 0;
 
   for (PetscInt i = 0; i < n; i++) {
     PetscInt m = 0;
@@ -172,7 +174,7 @@ static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt 
     for (PetscInt j = repair->cut->offset[v]; j < repair->cut->offset[v + 1]; j++)
       if (repair->part[repair->cut->incident[j]] == parts[i]) repair->move[m++] = repair->cut->incident[j];
     for (PetscInt k = 0; k < n; k++)
-      for (PetscInt single = m > 1 ? -1 : 0; k != i && single < m; single++) {
+      for (PetscInt single = m > 1 ? -1 : 0; k != i && single < (hub && m > 1 ? 0 : m); single++) {
         const PetscInt *move = single < 0 ? repair->move : repair->move + single, size = single < 0 ? m : 1;
         const PetscInt  gain = LatinRepairGain(repair, size, move, parts[k], most);
 

@@ -248,8 +248,8 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   PetscBool   stalled;
 
   PetscFunctionBegin;
-  if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
-  else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
+  if (latin->linear.failed) *next = LATIN_NEXT_FAILED; /* also where it has left no number */
+  else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;

@@ -135,8 +135,8 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
 
   PetscFunctionBegin;
   if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
-  else if (linear->failed) *next = LATIN_NEXT_FAILED;
+  if (linear->failed) *next = LATIN_NEXT_FAILED;
+  else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
   else if (SNESLatinUserTest(snes)) target = 0.0; /* the user's test decides */
   else if (proves && (measure <= large->near || rests)) *next = LATIN_NEXT_NEWTON_FINISH;
   else if (!proves && measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
