@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from petsc4py import PETSc
+from scipy.optimize import linprog
+from scipy.spatial import Delaunay
 from support import far, latin
 
 import latinpc
@@ -80,6 +82,45 @@ def test_grains_without_room_are_jammed(count, load):
     u, reason, _, jammed, _ = ended(between(0.0, load, count))
     assert reason > 0 and jammed == (0, [])
     assert np.abs(u).max() < 1e-15 * count
+
+
+def sheared(seed, side=8):
+    """Grains in a box, rigid contacts between neighbours with random gaps, all at rest; the upper wall moves aside."""
+    draw = np.random.default_rng(seed)
+    place = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2).astype(float)
+    nodes = place + [[0.5, 0.0]] * (place[:, 1:] % 2) + draw.uniform(-0.2, 0.2, place.shape)
+    corners = Delaunay(nodes).simplices
+    links = np.unique(np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])), axis=0)
+    wall = (place == 0).any(1) | (place == side - 1).any(1)
+    links = links[(np.linalg.norm(np.diff(nodes[links], axis=1), axis=2)[:, 0] < 2.0) & ~wall[links].all(1)]
+    upper = (place[:, 1] == side - 1)[:, None]
+    return latinpc.Structure(
+        nodes, links, "contact", 0.0, initial_elongation=draw.uniform(0.0, 2e-3, len(links)),
+        fixed=np.repeat(wall, 2).reshape(-1, 2), prescribed=upper * [2e-2, 0.0], load=~wall[:, None] * [0.0, -1.0],
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def has_room(structure):
+    """Whether displacements exist that close no contact beyond its gap: a linear program."""
+    i, j = structure.links.T
+    rows, n = np.arange(len(i)), len(structure.nodes)
+    B = np.zeros((len(i), n, 2))
+    B[rows, j] += structure.directions
+    B[rows, i] -= structure.directions
+    gap = structure.initial_elongation + (B * structure.prescribed).sum((1, 2))
+    free = ~structure.fixed
+    return linprog(np.zeros(free.sum()), -B[:, free], gap, bounds=(None, None)).status == 0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 8])
+def test_a_box_of_grains_that_shears_too_far_is_jammed(seed):
+    """The contacts that contradict each other are named, also where on the way others must first let go."""
+    structure = sheared(seed)
+    assert not has_room(structure)
+    result = structure.solve()
+    assert not result.converged and any("gaps of the rigid links" in text for text in result.notices)
+    assert result.iterations < 1000
 
 
 def test_a_cable_too_short_for_a_contact():

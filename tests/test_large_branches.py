@@ -71,7 +71,7 @@ def least(result):
 @pytest.mark.parametrize("stages", [2, 3, 4, 6])
 @pytest.mark.parametrize("prestress", [0.0, 10.0, 100.0, 300.0])
 def test_crossed_cables_that_slacken_together(stages, prestress):
-    """Symmetric loads slacken both cables of a floor at once: it shears a little, and the tower stands as with a breath of
+    """Symmetric loads slacken both cables of a floor at once: it shears a little, and stands as with a breath of
     wind across it."""
     found, beside = tower(stages, prestress).solve(), tower(stages, prestress, across=1e-2).solve()
     assert found.converged and beside.converged
@@ -111,7 +111,7 @@ def strut_on_strings(push):
 
 
 def test_what_buckles_and_bears_more_is_told_from_what_snaps_through():
-    """Strings stiffen as the hinge moves aside; springs along it do not, nor do two flat bars that pass their supports."""
+    """Strings stiffen as the hinge moves aside; springs along it do not, nor do two flat bars that snap through."""
     strut = strut_on_strings(75.0)
     assert ended(strut) == (pytest.approx(50.0 / 75.0, abs=5e-4), True)
     result = strut.solve()

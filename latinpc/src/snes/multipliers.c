@@ -55,6 +55,32 @@ PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, Petsc
 }
 
 /*
+   Where updates change the tensions by the same each time, while displacements stay: on to where the first of those that decrease is zero, in place of many updates. newton->tension: the
+   last change. Collective on newton->structure
+*/
+static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
+{
+  const LatinStructure structure = newton->structure;
+  PetscReal            most = 0.0, updates = PETSC_MAX_REAL;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (LatinLaws[structure->law[l]].rigid) most = PetscMax(most, PetscAbsReal(newton->tension[l]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal less = -LatinLawSign(structure->law[l]) * newton->tension[l];
+
+    if (LatinLaws[structure->law[l]].rigid && less > PETSC_SQRT_MACHINE_EPSILON * most) updates = PetscMin(updates, PetscAbsReal(newton->multiplier[l]) / less);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &updates, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)structure)));
+  if (!(updates > 1.0 && updates < PETSC_MAX_REAL)) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (LatinLaws[structure->law[l]].rigid) newton->multiplier[l] += updates * newton->tension[l];
+  PetscCall(PetscInfo(structure, "The tensions change by the same each time: %g updates at once\n", (double)updates));
+  PetscFunctionReturn(0);
+}
+
+/*
    Multiplier update: the tensions of the springs at u. An update reduces the gap error by the factor K / (K + r), with K the stiffness
    of the structure around the links. *done: the changes of displacements (since `before`) and tensions (relative to all tensions or to the loads)
    are below the error asked for, and their extrapolation at the measured contraction rate as well. With incompatible gaps K is infinite:
@@ -94,6 +120,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* relative to loads small tensions may be rounding */
   *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
+  if (stays && !*done) PetscCall(LatinMultipliersLeap_Private(newton));
   PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found));
   *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));

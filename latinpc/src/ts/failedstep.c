@@ -39,12 +39,23 @@ static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, 
   PetscFunctionReturn(0);
 }
 
+/* Do supports move in the step? Collective on step */
+static PetscErrorCode LatinSupportsMove_Private(LatinStructure step, PetscBool *move)
+{
+  PetscBool here = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < step->dim * step->nodes_local; i++) here = (PetscBool)(here || step->prescribed[i] != 0.0);
+  PetscCall(MPIU_Allreduce(&here, move, 1, LATIN_MPI_BOOL, MPI_LOR, PetscObjectComm((PetscObject)step)));
+  PetscFunctionReturn(0);
+}
+
 /* What may have ended a step of which neither links nor nodes are known, and what to change. Collective on ts */
 static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES snes, PetscReal contrast, size_t room, char cause[])
 {
   const PetscBool inner = (PetscBool)(snes->reason == SNES_DIVERGED_INNER), limit = (PetscBool)(snes->reason == SNES_DIVERGED_MAX_IT);
   PetscReal       floor = 0.0;
-  PetscBool       latin, stuck; /* before the iterations were used up */
+  PetscBool       latin, stuck, move; /* before the iterations were used up; supports */
   char            some[160];
 
   PetscFunctionBegin;
@@ -52,7 +63,11 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
   if (latin) PetscCall(SNESLatinGetEstimates(snes, NULL, NULL, NULL, &floor));
   stuck = (PetscBool)(latin && limit && snes->iter < snes->max_its);
   if (latin && step->rubs && (inner || stuck)) {
-    PetscCall(PetscStrlcat(cause, "Contacts with friction: the step may have no solution, as where supports that move wedge nodes between contacts. Move them another way, or reduce the friction. ", room));
+    PetscCall(LatinSupportsMove_Private(step, &move));
+    PetscCall(PetscStrlcat(cause,
+                           move ? "Contacts with friction: the step may have no solution, as where supports that move wedge nodes between contacts. Move them another way, or reduce the friction. "
+                                : "Contacts with friction: how they stick and slip has not been found to this error. Take a larger one, -snes_latin_error 1e-2, or reduce the friction. ",
+                           room));
   } else if (inner && floor > 0.0) {
     PetscCall(PetscSNPrintf(some, sizeof(some), "The requested error is below the rounding error of this step, about %.0e: take a larger one, -snes_latin_error. ", (double)floor));
     PetscCall(PetscStrlcat(cause, some, room));
