@@ -1,8 +1,12 @@
 """Large displacements: cables at their kinks, without tension as drawn or where crossed ones slacken, and branches."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import turning
+from conftest import run
 from petsc4py import PETSc
 from support import far
 
@@ -40,7 +44,7 @@ def test_cables_without_tension_hold_what_is_drawn(panels):
     assert found.iterations < 30
 
 
-def tower(stages, prestress, across=0.0, wind=3e3, weight=1e4):
+def tower(stages, prestress, across=0.0, wind=3e3, weight=1e4, comm=PETSc.COMM_SELF):
     """Four columns, beams, crossed cables in all faces and floors; wind along x, weight on each node."""
     nodes = np.array([[x, y, 3.0 * k] for k in range(stages + 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))], float)
     bars, cables = [], []
@@ -55,7 +59,7 @@ def tower(stages, prestress, across=0.0, wind=3e3, weight=1e4):
     EA, tension = ([value] * len(bars) + [other] * len(cables) for value, other in ((2e8, 1e7), (0.0, prestress)))
     return latinpc.Structure(
         nodes, bars + cables, ["bar"] * len(bars) + ["cable"] * len(cables), EA=EA, prestress=tension,
-        fixed=np.repeat(nodes[:, 2:] == 0.0, 3, 1), load=load, geometry="large", comm=PETSc.COMM_SELF,
+        fixed=np.repeat(nodes[:, 2:] == 0.0, 3, 1), load=load, geometry="large", comm=comm,
     )  # fmt: skip
 
 
@@ -85,6 +89,31 @@ def test_the_number_of_subdomains_does_not_decide():
     more = tower(4, 100.0).solve(options={"snes_latin_subdomains": 4})
     assert one.converged and more.converged
     assert far(np.abs(one.displacements), np.abs(more.displacements)) < 1e-2
+
+
+RANKS = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+sys.path.insert(0, sys.argv[1])
+from petsc4py import PETSc
+from test_large_branches import tower
+for stages, prestress in ((2, 10.0), (3, 0.0)):
+    found = tower(stages, prestress, comm=PETSc.COMM_WORLD).solve()
+    PETSc.Sys.Print("found", int(found.converged), repr(abs(found.displacements).max()))
+"""
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_any_number_of_ranks(ranks, tmp_path):
+    """Which side is chance, how far is not."""
+    script = tmp_path / "ranks.py"
+    script.write_text(RANKS)
+    text = run(["mpirun", "-n", ranks, sys.executable, script, Path(__file__).parent]).stdout
+    alone = [tower(*of).solve() for of in ((2, 10.0), (3, 0.0))]
+    found = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("found")], float)
+    assert found[:, 0].all()
+    assert found[:, 1] == pytest.approx([np.abs(result.displacements).max() for result in alone], rel=1e-3)
 
 
 def ended(structure):

@@ -1,4 +1,4 @@
-#include "snes/largepath.h"
+#include "snes/sneslatinimpl.h"
 
 /*
    How a structure moves where no equilibrium follows: the displacements x of the least mu in K x = mu M x, K = E + G+ - G- the tangent stiffness: E of the laws, G+ of links
@@ -19,27 +19,6 @@ PetscErrorCode LatinPathForces_Private(Vec r)
   PetscCall(VecGetArrayWrite(r, &a));
   for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
   PetscCall(VecRestoreArrayWrite(r, &a));
-  PetscFunctionReturn(0);
-}
-
-/* Stiffnesses of the links at u; of those that are nearer to a kink than the error asked for, that of the stiffer side, which holds what rests within that error, or of the softer one. Collective on snes */
-PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, PetscReal slope[])
-{
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
-  PetscReal            near, *at;
-
-  PetscFunctionBegin;
-  PetscCall(VecNorm(u, NORM_INFINITY, &near));
-  near = PetscMax(data->target * near, LATIN_PATH_NONE * data->large.size);
-  PetscCall(PetscMalloc1(2 * structure->links_local, &at));
-  PetscCall(LatinTurningAhead_Private(structure, u, NULL, u, 0.0, at, at + structure->links_local));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal x = at[structure->links_local + l], below = LatinStructureTangent(structure, l, x - near), above = LatinStructureTangent(structure, l, x + near);
-
-    slope[l] = stiffer ? PetscMax(below, above) : PetscMin(below, above);
-  }
-  PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
 

@@ -334,7 +334,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   snes->usesksp             = PETSC_FALSE;
   snes->usesnpc             = PETSC_FALSE;
 
-  data->target         = 1e-4;
+  data->target         = LATIN_ERROR;
   data->tension_target = (PetscReal)PETSC_DEFAULT;
   data->balance        = 1e-2;
   data->requested      = LATIN_STOP_AUTO;

@@ -182,7 +182,8 @@ typedef struct {
 } LatinLarge;
 
 /* ---- SNES latin ---- */
-#define LATIN_STOL 1e-5 /* of the indicator, by default */
+#define LATIN_STOL  1e-5 /* of the indicator, by default */
+#define LATIN_ERROR 1e-4 /* estimated error to stop at, by default */
 typedef struct {
   Latin             latin;
   SNES              outer;          /* solves z - G(z) = 0 */
@@ -349,7 +350,7 @@ PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec
 PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscBool stiffer, PetscReal slope[]);
+PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscBool stiffer, PetscReal slope[]);                           /* snes/largekinks.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, Vec load, Vec step, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
 /* supports that move (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);

@@ -107,7 +107,7 @@ static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   if (latin && ((SNES_Latin *)snes->data)->large.given) PetscCall(LatinStructureSetGeometry(step->base, ((SNES_Latin *)snes->data)->large.geometry));
   PetscCall(LatinStepCheck_Private(step->base));
-  if (latin && step->base->geometry == LATIN_GEOMETRY_LARGE && !((SNES_Latin *)snes->data)->chosen) ((SNES_Latin *)snes->data)->target = TS_LATIN_ERROR;
+  if (latin && !((SNES_Latin *)snes->data)->chosen) ((SNES_Latin *)snes->data)->target = step->base->geometry == LATIN_GEOMETRY_LARGE ? TS_LATIN_ERROR : LATIN_ERROR;
   PetscCall(LatinStepLength_Private(step, -1.0));
   PetscFunctionReturn(0);
 }

@@ -1,0 +1,22 @@
+#include "snes/largepath.h"
+
+/* Stiffnesses of the links at u; of those that are nearer to a kink than the error asked for, that of the stiffer side, which holds what rests within that error, or of the softer one. Collective on snes */
+PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, PetscReal slope[])
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame->turns;
+  PetscReal            near, *at;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(u, NORM_INFINITY, &near));
+  near = PetscMax(data->target * near, LATIN_PATH_NONE * data->large.size);
+  PetscCall(PetscMalloc1(2 * structure->links_local, &at));
+  PetscCall(LatinTurningAhead_Private(structure, u, NULL, u, 0.0, at, at + structure->links_local));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal x = at[structure->links_local + l], below = LatinStructureTangent(structure, l, x - near), above = LatinStructureTangent(structure, l, x + near);
+
+    slope[l] = stiffer ? PetscMax(below, above) : PetscMin(below, above);
+  }
+  PetscCall(PetscFree(at));
+  PetscFunctionReturn(0);
+}
