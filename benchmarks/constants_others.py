@@ -175,6 +175,7 @@ OTHERS = {
         "eps, of prescribed displacements and gap",
         "Three sums: 3 times eps at most. A contact that is closed by what is prescribed is held to rounding.",
     ),
+    "LATIN_LEAST": ("N, m", "Squares of less lose digits, and vanish below 1e-162: not converged."),
     "LATIN_ERROR": ("relative", "The default of -snes_latin_error: less than drawings and stiffnesses are known to."),
     "LATIN_STOL": ("indicator", "The default of -snes_stol; another value makes auto stop on the indicator."),
     "LATIN_PENALTY": (

@@ -188,3 +188,20 @@ def test_another_function_that_is_left_is_not_converged(newton):
     assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER
     own.solve(None, u)
     assert own.getConvergedReason() > 0
+
+
+@pytest.mark.parametrize("size", [1e-165, 1e-200])
+def test_loads_whose_squares_vanish(size):
+    """No norm sees them: a node on two bars of stiffness 1 N/m does not stay where it is, alone or as a load case."""
+    load = size * np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]])
+    links = latinpc.Structure(
+        [[0, 0], [1, 0], [1, 1]], [[0, 1], [1, 2]], ["bar", "cable"], 1.0, fixed=[[1, 1], [0, 0], [1, 1]], load=load,
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    snes, u = links.create_snes(), links.create_vec()
+    snes.setFromOptions()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() < 0
+    links.set_load(load / size)
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0

@@ -18,6 +18,8 @@
   #define LatinByPrecision(in_double, in_single) in_double
 #endif
 
+#define LATIN_LEAST LatinByPrecision(1e-146, 1e-15) /* the least number whose square has all its digits */
+
 /* part / whole, neither negative; 0 / 0 = 0, otherwise infinite if whole is 0 or NaN */
 static inline PetscReal LatinRatio(PetscReal part, PetscReal whole)
 {

@@ -166,7 +166,7 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
   const LatinStructure structure = cases->structure;
   LatinCaseLanes      *lanes     = &cases->lanes;
   const PetscBool      fails     = (PetscBool)(cases->one[w] && cases->one[w]->stages < 0);
-  PetscReal            sum       = 0.0;
+  PetscReal            sum = 0.0, most = 0.0;
 
   cases->one[w] = one;
   lanes->uu[w]  = 0.0;
@@ -178,13 +178,14 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
     lanes->u[at]    = one && !free ? structure->prescribed[i] + (one->prescribed ? one->prescribed[i] : 0.0) : 0.0;
     if (fails) lanes->p[at] = 0.0; /* may be NaN; otherwise the first step ignores it */
     sum += PetscSqr(lanes->load[at]);
+    most = PetscMax(most, PetscAbsReal(lanes->load[at]));
   }
   for (PetscInt k = 0; k < lanes->links; k++) {
     const PetscInt l = cases->link[k];
 
     lanes->e0[LATIN_CASE_LANES * (size_t)k + (size_t)w] = one ? structure->e0[l] + (one->e0 ? one->e0[l] : 0.0) : 0.0;
   }
-  cases->loads[w] = PetscSqrtReal(sum);
+  cases->loads[w] = most > 0.0 && most < LATIN_LEAST ? INFINITY : PetscSqrtReal(sum); /* no norm sees them: not solved here */
 }
 
 /* Copies displacements and tensions of a lane to its case; are displacements larger than `far`? */
@@ -231,6 +232,7 @@ static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *
   const PetscReal       part = LATIN_CASE_SAFETY * lanes->scale[w] * lanes->rw[w] / lanes->wkw[w] / (1.0 - LatinCasesRate(cases, w)), left = lanes->scale[w] * PetscSqrtReal(lanes->rr[w]), tension = PetscSqrtReal(lanes->all[w]);
   PetscReal             balance = goal->unbalance;
 
+  if (PetscIsInfOrNanReal(cases->loads[w])) return PETSC_FALSE;
   if (left == 0.0) {
     one->error = one->tensions = one->unbalance = 0.0;
     return PETSC_TRUE;

@@ -177,11 +177,27 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Are loads or displacements so small that their squares are zero, and no norm has seen them? Collective on snes */
+static PetscErrorCode SNESLatinVanishes_Private(SNES snes, PetscBool *vanishes)
+{
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->latin->sub.structure;
+  PetscReal            load, beside = 0.0, moved;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(structure->load, NORM_INFINITY, &load));
+  if (snes->vec_rhs) PetscCall(VecNorm(snes->vec_rhs, NORM_INFINITY, &beside));
+  PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &moved));
+  load      = PetscMax(load, beside);
+  *vanishes = (PetscBool)((load > 0.0 && load < LATIN_LEAST) || (moved > 0.0 && moved < LATIN_LEAST));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESLatinSolve_Private(SNES snes)
 {
   SNES_Latin    *data  = (SNES_Latin *)snes->data;
   Latin          latin = data->latin;
   LatinStructure structure;
+  PetscBool      vanishes = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
@@ -201,6 +217,8 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
     PetscCall(SNESLatinPrepare_Private(snes));
     PetscCall(SNESLatinRun_Private(snes));
   }
+  PetscCall(SNESLatinVanishes_Private(snes, &vanishes));
+  if (vanishes && LatinNextConverged(data->next)) data->next = LATIN_NEXT_ROUNDING;
   if (latin->linear.failed) data->next = LATIN_NEXT_FAILED;
   snes->linear_its = data->newton.stages;
   snes->iter       = latin->linear.applications + snes->linear_its;
