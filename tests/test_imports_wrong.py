@@ -10,7 +10,7 @@ from test_fuzz import mutated
 from two_bars import EA, KINDS, OBJ, written
 
 import latinpc
-from latinpc.scenes.scene import Scene
+from latinpc.scenes.scene import Law, Scene
 
 BAD = [
     ("csv", "middle,4,0,,-1000", "middle,4,zero,,-1000", ["nodes.csv, line 4", "y is 'zero'", "a finite number"]),
@@ -110,6 +110,32 @@ def test_wrong_options_are_named(more, words, tmp_path):
         latinpc.read(path, **(options | {"EA": EA} | more))
     for word in words:
         assert word in str(caught.value)
+
+
+TWO_GROUPS = "v 0 0 0\nv 1 0 0\nv 1 1 0\ng a\nl 1 2\ng b\nl 2 3\nl 1 3\n"
+
+
+def test_values_for_all_groups_beside_those_of_each_group(tmp_path):
+    path = tmp_path / "two.obj"
+    path.write_text(TWO_GROUPS)
+    given = {"law": "cable", "support": "x=min"}
+    scene = latinpc.read(path, EA=5e6, prestress={"a": 2e4, "b": 1e4}, **given)
+    assert scene.stiffness * scene.initial_elongation == pytest.approx([2e4, 1e4, 1e4])
+    assert (latinpc.read(path, EA={"a": 1.0, "b": 2.0}, **given).law == Law.CABLE).all()
+    with pytest.raises(ValueError, match=r"--EA: what it gives .* in two\.obj, or by options of other groups"):
+        latinpc.read(path, EA={"a": 1.0, "b": 2.0, None: 3.0}, **given)
+
+
+def test_a_group_whose_lines_all_repeat_others_takes_no_law(tmp_path):
+    path = tmp_path / "two.obj"
+    path.write_text(TWO_GROUPS + "g c\nl 2 1\n")
+    given = {"EA": {"a": 1.0, "b": 1.0}, "support": "x=min"}
+    path.with_suffix(".toml").write_text('[laws.c]\nlaw = "contact"\nnormal = [1.0, 0.0]\n')
+    with pytest.raises(ValueError, match=r"\[laws\.c\]: no line is left of the group, each repeats one of another"):
+        latinpc.read(path, **given)
+    path.with_suffix(".toml").unlink()
+    with pytest.raises(ValueError, match="of 'c': no line is left of the group"):
+        latinpc.read(path, **given, law={"c": "cable"})
 
 
 def test_a_unit_is_given_once(tmp_path):

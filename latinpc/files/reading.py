@@ -313,6 +313,7 @@ def _assignments(settings, description, lines, given):
             raise ValueError(
                 f"{description}: [laws.{group}]: no group of lines has this name{nearest(group, lines.groups)}"
             )
+        _refuse_empty(f"{description}: [laws.{group}]", lines, group)
         found.append((f"{description}: [laws.{group}]", lines.groups[group], entries))
     left = np.ones(len(lines.ends), bool)
     for _, chosen, _ in found:
@@ -320,13 +321,16 @@ def _assignments(settings, description, lines, given):
     for group in [*given.usual, *sorted(given.named() - {None} - given.usual.keys()), None]:
         if group is not None and group not in lines.groups:
             raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
+        if group is not None:
+            _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
         chosen = np.flatnonzero(left) if group is None else lines.groups[group][left[lines.groups[group]]]
         entries, where = given.entries(group), OPTIONS + ("" if group is None else f" of '{group}'")
         useless = [key for key in ("law", "EA", "prestress") if group in getattr(given, key)]
         useless = [key for key in useless if group is not None or key not in given.taken]
         if not len(chosen) and useless:
+            files = " or ".join(file.name for file in (path, description) if file.is_file())
             raise ValueError(
-                f"--{useless[0]}: what it gives has been given already, in {path.name} or {description.name}"
+                f"--{useless[0]}: what it gives has been given already, in {files}, or by options of other groups"
             )
         if len(chosen) and "EA" not in entries and not given.rigid(entries["law"]):
             without = [name for name, lines_of in lines.groups.items() if np.isin(chosen, lines_of).any()]
@@ -335,7 +339,14 @@ def _assignments(settings, description, lines, given):
         if len(chosen):
             found.append((where, chosen, entries))
             left[chosen] = False
+            given.taken |= {key for key in entries if group not in getattr(given, key) and group not in given.usual}
     return found
+
+
+def _refuse_empty(where, lines, group):
+    """Refuse a law for a group without lines, which merging points leaves of one that others repeat."""
+    if not len(lines.groups[group]):
+        raise ValueError(f"{where}: no line is left of the group, each repeats one of another group; leave it out")
 
 
 def _dimension(settings, lines, description):
