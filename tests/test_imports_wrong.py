@@ -3,6 +3,7 @@
 import random
 import shutil
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -136,6 +137,52 @@ def test_a_group_whose_lines_all_repeat_others_takes_no_law(tmp_path):
     path.with_suffix(".toml").unlink()
     with pytest.raises(ValueError, match="of 'c': no line is left of the group"):
         latinpc.read(path, **given, law={"c": "cable"})
+
+
+def test_what_acts_on_a_node_without_links_is_refused(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    text = path.read_text()
+    for cells, what in (("xy,5", "load"), (",-5", "load")):
+        path.write_text(f"{text}pole,9,9,{cells}\n")
+        with pytest.raises(ValueError, match=f"no link touches node pole, one of 1 such with a {what}"):
+            latinpc.read(path)
+    path.write_text(f"{text}pole,9,9,xy,\nmast,9,9,,\n")
+    notes = ["2 nodes that no link touches left out, 1 of them held, such as pole"]
+    assert latinpc.read(path).metadata["notes"] == notes
+    path.write_text(text.replace("fix,Fy", "fix,mass").replace("-1000", "1") + "pole,9,9,,3\n")
+    with pytest.raises(ValueError, match="node pole, one of 1 such with a mass"):
+        latinpc.read(path)
+
+
+def test_a_dimension_that_drops_loads_is_refused(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    path.write_text(path.read_text().replace("Fy", "Fz"))
+    (tmp_path / "bars.toml").write_text("dim = 2\n")
+    with pytest.raises(ValueError, match="dim = 2, but a node has a load or a displacement along z"):
+        latinpc.read(path)
+
+
+def test_merged_nodes_have_one_displacement(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    path.write_text("node,x,y,fix,uy\nmiddle,4,0,,\nP9,0,3,xy,0\nleft,0,3,xy,0.01\nright,8,3,xy,\nP7,8,3,,\n")
+    with pytest.raises(ValueError, match="--merge 0 joins nodes P9 and left of the file, which have different"):
+        latinpc.read(path, merge=0.0)
+    path.write_text("node,x,y,fix,uy\nmiddle,4,0,,\nP8,0,3,,\nP9,0,3,xy,0\nleft,0,3,xy,0.01\nright,8,3,xy,\n")
+    with pytest.raises(ValueError, match="joins nodes P9 and left of the file"):
+        latinpc.read(path, merge=0.0)
+    path.write_text("node,x,y,fix,uy\nmiddle,4,0,,\nP8,0,3,,\nP9,0,3,x,\nleft,0,3,xy,0.01\nright,8,3,xy,\n")
+    scene = latinpc.read(path, merge=0.0)
+    assert scene.prescribed[scene.nodes[:, 0] == 0.0] == pytest.approx(np.array([[0.0, 0.01]]))
+
+
+@pytest.mark.parametrize("kind", ["csv", "obj"])
+def test_a_group_named_twice_counts_once(kind, tmp_path):
+    path, options = written(tmp_path, kind)
+    file = path if kind == "obj" else tmp_path / "bars-members.csv"
+    once = latinpc.read(path, self_weight={"ropes": 1.0}, **options)
+    twice = "g ropes ropes" if kind == "obj" else ",ropes; ropes"
+    file.write_text(file.read_text().replace("g ropes" if kind == "obj" else ",ropes", twice))
+    assert latinpc.read(path, self_weight={"ropes": 1.0}, **options).load == pytest.approx(once.load)
 
 
 def test_a_unit_is_given_once(tmp_path):

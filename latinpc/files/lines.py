@@ -94,10 +94,14 @@ class Lines:
         """Length of each line (m)."""
         return np.linalg.norm(self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]], axis=1)
 
+    def point_name(self, point):
+        """Return what messages call a point: its name in the file, or its place where it has none."""
+        return str(self.point_names[point]) or f"({', '.join(f'{x:.9g}' for x in self.points[point])})"
+
     def place(self, line):
         """Return the place of a line in the file, for messages."""
         row = self.rows[line]
-        a, b = self.ends[line] + 1
+        a, b = map(self.point_name, self.ends[line])
         return f"{self.path}, line {row}" if row else f"{self.path}: the line between nodes {a} and {b} of the file"
 
     def in_metres(self, scale=None):
@@ -137,13 +141,7 @@ class Lines:
                 f"--merge {tolerance:g}: it must be between 0 and a twentieth of the extent, {self.extent:g} m"
             )
         first, of = near_points(self.points, tolerance)
-        moved = self.fixed & (self.prescribed != self.prescribed[first[of]]) & self.fixed[first[of]]
-        if moved.any():
-            node = int(np.flatnonzero(moved.any(axis=1))[0])
-            raise ValueError(
-                f"{self.path}: --merge {tolerance:g} joins nodes {node + 1} and {first[of[node]] + 1} of the file,"
-                " which have different prescribed displacements"
-            )
+        self._refuse_contradictions(tolerance, of)
         ends = of[self.ends]
         keep = self._kept(ends) if self.drawing else np.arange(len(ends))
         if not len(keep):
@@ -170,6 +168,19 @@ class Lines:
             line_names=None if self.line_names is None else self.line_names[keep],
             notes=self.notes + [f"{count:,} {text}" for text, count in counts if count],
         )
+
+    def _refuse_contradictions(self, tolerance, of):
+        """Refuse points of one node that are held with different displacements."""
+        for axis in range(3):
+            held = np.flatnonzero(self.fixed[:, axis])
+            first = held[np.unique(of[held], return_index=True)[1]]  # of the held points of each node
+            first = first[np.searchsorted(of[first], of[held])]
+            other = np.flatnonzero(self.prescribed[held, axis] != self.prescribed[first, axis])
+            if other.size:
+                raise ValueError(
+                    f"{self.path}: --merge {tolerance:g} joins nodes {self.point_name(first[other[0]])} and"
+                    f" {self.point_name(held[other[0]])} of the file, which have different prescribed displacements"
+                )
 
     @staticmethod
     def _kept(ends):

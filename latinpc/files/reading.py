@@ -58,7 +58,8 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
 
 Loads and masses add up; a node may belong to several groups. A table of nodes with the name ``all``, such as
 ``[loads.all]``, is for all of them. ``lines = "NAME"``, or ``"all"``, names the lines of a
-load or a mass of another name. Nodes that no link touches are left out. Load cases are tables ``[[case]]``, see
+load or a mass of another name. Nodes that no link touches are left out; with a load, a mass or a displacement they are
+refused. Load cases are tables ``[[case]]``, see
 `latinpc.files.cases`.
 """
 
@@ -358,10 +359,12 @@ def _dimension(settings, lines, description):
     dim = settings.get("dim", lines.dim or max(found, max(moved, default=0) + 1))
     if isinstance(dim, bool) or not isinstance(dim, int) or dim not in (1, 2, 3):
         raise ValueError(f"{description}: dim = {dim!r}; it must be 1, 2 or 3")
-    if dim < found:
-        raise ValueError(
-            f"{description}: dim = {dim}, but the coordinate {AXES[found - 1]} varies in {lines.path.name}"
-        )
+    for needed, what in (
+        (found, "the coordinate {} varies"),
+        (max(moved, default=0) + 1, "a node has a load or a displacement along {}"),
+    ):
+        if dim < needed:
+            raise ValueError(f"{description}: dim = {dim}, but {what.format(AXES[needed - 1])} in {lines.path.name}")
     return dim
 
 
@@ -387,6 +390,7 @@ def _scene(path, lines, settings, description, given):
     laws = read_laws(lines, dim, assignments)
     geometry = _geometry(settings, lines, description, given, assignments)
     used, ends = np.unique(lines.ends.ravel(), return_inverse=True)
+    notes = lines.notes + _left_out(lines, used)
     ends, line = ends.reshape(-1, 2), laws.pop("line")
     number = np.full(len(lines.points), -1)
     number[used] = np.arange(len(used))
@@ -423,17 +427,35 @@ def _scene(path, lines, settings, description, given):
             grouped(points, len(used)), grouped(drawn, len(line)),
         ),
         metadata={
-            "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,
+            "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": notes,
         },
     )  # fmt: skip
     return replace(scene, cases=read_cases(settings, scene, ends, line, lines.groups, groups, description))
+
+
+def _left_out(lines, used):
+    """Return a note on nodes that no link touches; refuse those that something acts on."""
+    alone = np.ones(len(lines.points), bool)
+    alone[used] = False
+    for what, values in (("load", lines.load), ("mass", lines.mass[:, None]), ("displacement", lines.prescribed)):
+        acted = np.flatnonzero(alone & values.any(axis=1))
+        if acted.size:
+            raise ValueError(
+                f"{lines.path}: no link touches node {lines.point_name(acted[0])}, one of {acted.size} such with a"
+                f" {what}; join it by a link, or take its {what} away"
+            )
+    held, count = np.flatnonzero(alone & lines.fixed.any(axis=1)), int(alone.sum())
+    more = f", {held.size:,} of them held, such as {lines.point_name(held[0])}" if held.size else ""
+    groups = [name for name, chosen in lines.node_groups.items() if alone[chosen].any()]
+    more += f"; of the group{'s' * (len(groups) > 1)} {', '.join(groups)}" if groups else ""
+    return [f"{count:,} node{'s' * (count > 1)} that no link touches left out{more}"] if count else []
 
 
 def _refuse_short(lines):
     """Refuse lines without a length."""
     short = np.flatnonzero(lines.lengths <= 1e-12 * max(lines.extent, 1e-300))
     if short.size:
-        a, b = (lines.point_names[end] or f"the {end + 1}th point" for end in lines.ends[short[0]])
+        a, b = map(lines.point_name, lines.ends[short[0]])
         cure = "in Gmsh, merge the points (Coherence)" if lines.path.suffix == ".msh" else "remove it"
         raise ValueError(
             f"{lines.place(short[0])}: a link of zero length, one of {short.size}, between nodes {a} and {b}; {cure}"

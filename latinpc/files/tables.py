@@ -182,7 +182,7 @@ class Table:
         """Return the rows of each name in the column group."""
         found = {}
         for index, names in enumerate(self.columns.get("group", [])):
-            for name in filter(None, map(str.strip, names.split(";"))):
+            for name in dict.fromkeys(filter(None, map(str.strip, names.split(";")))):
                 found.setdefault(name, []).append(index)
         return {name: np.array(rows) for name, rows in found.items()}
 

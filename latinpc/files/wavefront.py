@@ -50,7 +50,7 @@ class _Reader:
         if head == "v":
             self.points.append(self._numbers(row, head, rest[:3], 3))
         elif head in ("g", "o"):
-            self.names = tuple(rest) or ("lines",)
+            self.names = tuple(dict.fromkeys(rest)) or ("lines",)
         elif head == "deg":
             self.degree = rest[0] if rest else 1
         elif head == "p":
