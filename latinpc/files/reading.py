@@ -70,20 +70,20 @@ import os
 import pathlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from latinpc.geometry import GEOMETRIES
-from latinpc.laws import RIGID
 from latinpc.numbering import Numbering, grouped
 from latinpc.scenes.scene import Scene
 
 from .cases import read_cases
 from .description import read_description, read_loads, read_masses, read_supports, read_velocities
+from .given import Given, add_options, by_group, in_space
 from .linklaws import read_laws
 from .selection import AXES
-from .text import finite, nearest
+from .text import nearest
 
 #: Suffix -> module and function; a folder has the suffix "".
 READERS = {
@@ -173,9 +173,9 @@ def read(
         lines = lines.raised(rise)
     if brace is not None:
         lines = lines.braced(brace)
-    given = _Given(*map(_by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"}, geometry)
+    given = Given(*map(by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"}, geometry)
     settings, description = _settings(path, description, lines, given)
-    _add_options(settings, given, support, load, _by_group(self_weight))
+    add_options(settings, given, support, load, by_group(self_weight))
     scene = _scene(path, lines, settings, description, given)
     if case is None:
         return scene
@@ -194,55 +194,6 @@ def _reader(path):
         raise ValueError(f"{path}: no known kind of file; expected {FORMATS}")
     module, function = READERS[suffix]
     return getattr(importlib.import_module(f"latinpc.files.{module}"), function)
-
-
-def _by_group(value):
-    """Return a dict of group to value; None stands for all other groups."""
-    return value if isinstance(value, dict) else {} if value is None else {None: value}
-
-
-@dataclass
-class _Given:
-    """What options say of the laws, by group; `usual` is the law of groups that need none said."""
-
-    law: dict = field(default_factory=dict)
-    EA: dict = field(default_factory=dict)
-    prestress: dict = field(default_factory=dict)
-    usual: dict = field(default_factory=dict)
-    geometry: str | None = None
-    taken: set = field(default_factory=set)
-
-    def named(self):
-        """Return the groups that options name, None for all others."""
-        return {**self.law, **self.EA, **self.prestress}.keys()
-
-    def entries(self, group):
-        """Return the law of a group, as in ``[laws.NAME]``."""
-        kind = self.law.get(group, self.usual.get(group, self.law.get(None, "bar")))
-        found = {"law": str(kind).lower().replace("-", "_").replace(" ", "_")}
-        for key in ("EA", "prestress"):
-            value = getattr(self, key).get(group, getattr(self, key).get(None))
-            if value is not None and not (key == "EA" and self.rigid(found["law"]) and group not in self.EA):
-                found[key] = value
-        return found
-
-    @staticmethod
-    def rigid(kind):
-        """Return whether a law takes no EA."""
-        return kind in [law.name.lower() for law in RIGID]
-
-    def completed(self, entries):
-        """Return the law that a file gives a line, with what it leaves out; note what of the options that takes."""
-        found = {"law": self.entries(None)["law"], **entries}
-        missing = {"law"} - set(entries)
-        if not {"EA", "stiffness"} & set(entries) and None in self.EA and not self.rigid(found["law"]):
-            found["EA"] = self.EA[None]
-            missing.add("EA")
-        if not {"prestress", "strain", "initial_elongation"} & set(entries) and None in self.prestress:
-            found["prestress"] = self.prestress[None]
-            missing.add("prestress")
-        self.taken |= missing
-        return found
 
 
 def _settings(path, description, lines, given):
@@ -275,34 +226,6 @@ def _beside(path):
             f"{path}: it has several TOML files, {', '.join(map(str, there))}; keep one, or give description="
         )
     return (there or names)[0]
-
-
-def _add_options(settings, given, support, load, self_weight):
-    """Add supports and loads of options to those of the TOML file, under their own words."""
-    for text in [support] if isinstance(support, str) else support:
-        where, _, axes = text.rpartition(":") if ":" in text else (text, "", "")
-        entries = {"where": where} | ({"fix": list(axes)} if axes else {})
-        settings.setdefault("supports", {})[f"--support {text}"] = entries
-    for text in [load] if isinstance(load, str) else load:
-        if f"--load {text}" in settings.get("loads", {}):
-            raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
-        settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
-    for group, value in self_weight.items():
-        words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"
-        settings.setdefault("loads", {})[words] = {"down": value, "lines": "all" if group is None else group}
-
-
-def _force(text):
-    """Return the entries of a load such as x=50,z=-1000:WHERE; its components come as a dict."""
-    components, _, where = text.partition(":")
-    force = {}
-    for part in components.split(","):
-        axis, _, value = part.partition("=")
-        number = finite(value)
-        if axis.strip() not in AXES or not axis.strip() or number is None or axis.strip() in force:
-            raise ValueError(f"--load {text}: '{part}' is no force; write z=-1000 or x=50,z=-1000, then :WHERE or not")
-        force[axis.strip()] = number
-    return {"components": force, "where": where or "all"}
 
 
 def _assignments(settings, description, lines, given):
@@ -401,7 +324,7 @@ def _scene(path, lines, settings, description, given):
     groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
     drawn = {name: np.flatnonzero(np.isin(line, chosen)) for name, chosen in lines.groups.items()}
     points = {name: number[chosen][number[chosen] >= 0] for name, chosen in lines.node_groups.items()}
-    _in_space(settings, dim)
+    in_space(settings, dim)
     fixed, prescribed = read_supports(
         settings, nodes, groups, description, lines.fixed[used, :dim].copy(), lines.prescribed[used, :dim].copy()
     )
@@ -460,16 +383,3 @@ def _refuse_short(lines):
         raise ValueError(
             f"{lines.place(short[0])}: a link of zero length, one of {short.size}, between nodes {a} and {b}; {cure}"
         )
-
-
-def _in_space(settings, dim):
-    """Give the loads of options, which name axes, the form of those of the TOML file."""
-    for where, entries in settings.get("loads", {}).items():
-        if "down" in entries:
-            entries["line"] = [0.0] * (dim - 1) + [-entries.pop("down")]
-        elif "components" in entries:
-            force = entries.pop("components")
-            beyond = [axis for axis in force if axis not in AXES[:dim]]
-            if beyond:
-                raise ValueError(f"{where}: there is no {beyond[0]}, the structure lies in {', '.join(AXES[:dim])}")
-            entries["force"] = [force.get(axis, 0.0) for axis in AXES[:dim]]
