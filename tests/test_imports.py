@@ -65,6 +65,44 @@ def test_options_give_what_a_table_leaves_out(tmp_path):
     assert scene.stiffness * scene.initial_elongation == pytest.approx([5.0, 5.0])
 
 
+GRAINS = "node,x,y,z,fix,Fz\n1,0,0,0,xyz,\n2,1,0,0,xyz,\n3,0.5,0.8,0,xyz,\n4,0.5,0.3,0.8,,-1\n"
+
+
+def grains(folder, head, rows, laws=""):
+    """Write a grain on three others; return the scene, and its tensions."""
+    (folder / "nodes.csv").write_text(GRAINS)
+    members = "".join(f"{number},4,{row}\n" for number, row in enumerate(rows, 1))
+    (folder / "members.csv").write_text(f"start,end,{head}\n{members}")
+    (folder / "grains.toml").write_text(laws)
+    scene = latinpc.read(folder)
+    return scene, solve(scene).tensions
+
+
+def test_tables_give_friction_and_the_gap_of_each_contact(tmp_path):
+    toml = '[laws.{0}]\nlaw = "friction"\ncoefficient = {1}\ngap = {2}\n'
+    known, tensions = grains(tmp_path, "group", "abb", toml.format("a", 0.3, 1e-3) + toml.format("b", 0.5, 0.0))
+    rows = ["friction,0.3,1,0", "friction,0.5,,0", "friction,0.5,,0"]
+    scene, found = grains(tmp_path, "law,coefficient,gap [mm],stiffness", rows)
+    for name in ("law", "initial_elongation", "direction", "friction", "links", "stiffness"):
+        assert np.array_equal(getattr(scene, name), getattr(known, name))
+    assert found == pytest.approx(tensions)
+    by_group = '[laws.members]\nlaw = "friction"\ncoefficient = 0.3\n'
+    scene, _ = grains(tmp_path, "initial_elongation,area", ["0.001,2", ",2", ",2"], by_group)
+    assert np.array_equal(scene.initial_elongation, known.initial_elongation)
+    assert (scene.area == 2.0).all() and len(scene.area) == 9
+
+
+def test_what_both_a_table_and_its_toml_file_give_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"members.csv, line 2: it gives gap, as .*grains.toml: \[laws.members\] does"):
+        grains(tmp_path, "gap", ["1", "", ""], '[laws.members]\nlaw = "contact"\ngap = 1e-3\n')
+    with pytest.raises(ValueError, match=r"members.csv, line 2, with .*\[laws.members\]: give only one of"):
+        grains(tmp_path, "EA", ["1", "1", "1"], '[laws.members]\nlaw = "cable"\nstiffness = 1e-3\n')
+    with pytest.raises(ValueError, match="line 2: the law friction needs its coefficient"):
+        grains(tmp_path, "law", ["friction"] * 3)
+    scene, _ = grains(tmp_path, "law", ["cable", "bar", "bar"], "[laws.members]\nEA = 4.2e7\n")
+    assert scene.law.tolist() == [Law.CABLE, Law.BAR, Law.BAR]
+
+
 def test_columns_in_other_orders_units_and_languages(tmp_path):
     nodes = "\ufeffFy [kN];Node;X (mm);y [cm];fix;#remark\n\n;left;0;300;xy;a\n;right;8000,0;3e2;XY;\n"
     nodes += "-1,0;middle;4000;0;;b\n"

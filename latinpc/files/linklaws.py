@@ -34,8 +34,6 @@ def read_laws(lines, dim, assignments):
     direction, tables = np.zeros(points[ends[:, 0]].shape), []
     sections = {"area": np.full(len(ends), np.nan), "strength": np.full(len(ends), np.nan)}
     for where, chosen, entries in assignments:
-        if (law[chosen] >= 0).any():
-            raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
         kinds = [kind.name.lower() for kind in Law if kind != Law.TANGENT] + ["table"]
         kind = entries.get("law")
         if kind not in kinds:
@@ -55,7 +53,9 @@ def read_laws(lines, dim, assignments):
         if "strength" in entries and "area" not in entries:
             raise ValueError(f"{where}: strength is a stress (Pa), which needs the area (m2)")
         if kind == "friction":
-            friction[chosen] = number(entries.get("coefficient"), f"{where}: coefficient")
+            if "coefficient" not in entries:
+                raise ValueError(f"{where}: the law friction needs its coefficient, such as 0.3")
+            friction[chosen] = number(entries["coefficient"], f"{where}: coefficient")
             if friction[chosen[0]] < 0:
                 raise ValueError(f"{where}: coefficient must not be negative, as {entries['coefficient']} is")
         if "normal" in entries:
@@ -114,7 +114,8 @@ def _stiffness(entries, length, where, free):
         raise ValueError(f"{where}: the law {entries['law']} takes no EA; leave it out, or give stiffness (N/m)")
     if key is None:
         raise ValueError(f"{where}: no stiffness; give EA (N) or stiffness (N/m)")
-    value = number(entries[key], f"{where}: {key}", positive=True)
+    automatic = free and entries[key] == 0
+    value = number(entries[key], f"{where}: {key}", positive=not automatic)
     return value / length if key == "EA" else np.full(len(length), value)
 
 

@@ -230,18 +230,20 @@ def _beside(path):
 
 def _assignments(settings, description, lines, given):
     """Return the laws of all lines: of the file, of the TOML file, of options, in this order."""
-    path = lines.path
-    found = [(where, chosen, given.completed(entries)) for where, chosen, entries in lines.laws if len(chosen)]
-    for group, entries in settings.get("laws", {}).items():
-        if group not in lines.groups:
-            raise ValueError(
-                f"{description}: [laws.{group}]: no group of lines has this name{nearest(group, lines.groups)}"
-            )
-        _refuse_empty(f"{description}: [laws.{group}]", lines, group)
-        found.append((f"{description}: [laws.{group}]", lines.groups[group], entries))
-    left = np.ones(len(lines.ends), bool)
-    for _, chosen, _ in found:
-        left[chosen] = False
+    path, tables = lines.path, list(settings.get("laws", {}).items())
+    table = _tables_of_lines(tables, lines, description)
+    left, found = np.ones(len(lines.ends), bool), []
+    for where, chosen, entries in lines.laws:
+        for index in np.unique(table[chosen]):
+            part = chosen[table[chosen] == index]
+            of_file = (where, entries) if index < 0 else _together(where, entries, description, *tables[index])
+            found.append((of_file[0], part, given.completed(of_file[1])))
+            left[part] = False
+    for index, (group, entries) in enumerate(tables):
+        chosen = np.flatnonzero(left & (table == index))
+        if len(chosen):
+            found.append((f"{description}: [laws.{group}]", chosen, entries))
+            left[chosen] = False
     for group in [*given.usual, *sorted(given.named() - {None} - given.usual.keys()), None]:
         if group is not None and group not in lines.groups:
             raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
@@ -265,6 +267,28 @@ def _assignments(settings, description, lines, given):
             left[chosen] = False
             given.taken |= {key for key in entries if group not in getattr(given, key) and group not in given.usual}
     return found
+
+
+def _tables_of_lines(tables, lines, description):
+    """Return which table of laws of the TOML file each line has, -1 without one."""
+    table = np.full(len(lines.ends), -1)
+    for index, (group, _) in enumerate(tables):
+        where = f"{description}: [laws.{group}]"
+        if group not in lines.groups:
+            raise ValueError(f"{where}: no group of lines has this name{nearest(group, lines.groups)}")
+        _refuse_empty(where, lines, group)
+        if (table[lines.groups[group]] >= 0).any():
+            raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
+        table[lines.groups[group]] = index
+    return table
+
+
+def _together(where, entries, description, group, more):
+    """Return the place and the law of lines that have part of it in the file, the rest in the TOML file."""
+    both = sorted(entries.keys() & more.keys())
+    if both:
+        raise ValueError(f"{where}: it gives {both[0]}, as {description}: [laws.{group}] does; keep one of the two")
+    return f"{where}, with {description}: [laws.{group}]", {**more, **entries}
 
 
 def _refuse_empty(where, lines, group):

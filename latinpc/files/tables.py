@@ -4,10 +4,12 @@ The files are ``nodes.csv`` and ``members.csv`` of a folder, or two files beside
 words: ``roof-nodes.csv`` and ``roof-members.csv``. Columns come in any order; those in brackets may be missing::
 
     node,  x, [y, z], [fix], [Fx, Fy, Fz], [ux, uy, uz], [mass], [group]
-    [member], start, end, [law], [EA or stiffness], [prestress, strain or initial_elongation], [area, strength], [group]
+    [member], start, end, [law], [EA or stiffness], [prestress, strain, initial_elongation or gap], [coefficient],
+    [area, strength], [group]
 
 ``group`` takes several names with ``;`` between them. ``fix`` is a word such as ``xyz`` or ``z``: the held directions,
-by ``ux`` etc. if those are given. ``law`` and the columns after it are as in the TOML file. A unit in a heading, ``x
+by ``ux`` etc. if those are given. ``law`` and the columns after it are as in the TOML file, which gives by groups what
+they leave out. A unit in a heading, ``x
 [mm]`` or ``EA (kN)``, converts the column; without one it is in m, N and kg. Without ``node``, nodes are numbered from
 1. Commas, semicolons or tabs separate; where commas do not, they are decimal commas. Empty lines, and lines that begin
 with ``#``, are left out.
@@ -27,19 +29,24 @@ from .text import finite, nearest, read_text, wrong
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6}
 UNITS = (
-    {axis: LENGTH for axis in ("x", "y", "z", "ux", "uy", "uz", "initial_elongation")}
+    {axis: LENGTH for axis in ("x", "y", "z", "ux", "uy", "uz", "initial_elongation", "gap")}
     | {name: FORCE for name in ("Fx", "Fy", "Fz", "EA", "prestress")}
-    | {"stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6}, "mass": {"kg": 1.0, "t": 1e3}, "strain": {"": 1.0}}
+    | {
+        "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6},
+        "mass": {"kg": 1.0, "t": 1e3},
+        "strain": {"": 1.0},
+        "coefficient": {"": 1.0},
+    }
     | {"time": {"s": 1.0, "ms": 1e-3}}
     | {"area": {"m2": 1.0, "m²": 1.0, "cm2": 1e-4, "cm²": 1e-4, "mm2": 1e-6, "mm²": 1e-6}}
     | {"strength": {"Pa": 1.0, "MPa": 1e6, "N/mm2": 1e6, "N/mm²": 1e6, "GPa": 1e9}}
 )
 NODES = ("node", "x", "y", "z", "fix", "Fx", "Fy", "Fz", "ux", "uy", "uz", "mass", "group")
 MEMBERS = (
-    "member", "start", "end", "law", "EA", "stiffness", "prestress", "strain", "initial_elongation", "area", "strength",
-    "group",
+    "member", "start", "end", "law", "EA", "stiffness", "prestress", "strain", "initial_elongation", "gap",
+    "coefficient", "area", "strength", "group",
 )  # fmt: skip
-LAW = MEMBERS[3:11]
+LAW = MEMBERS[3:-1]
 LENGTHS = ("x", "y", "z", "ux", "uy", "uz")
 NEEDED = ("x", "y", "z", "time", "factor")  # no cell of theirs may be empty
 HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
