@@ -1,5 +1,7 @@
 """The geometry in files: TOML, corotTruss elements, what does not turn, saved scenes."""
 
+import json
+
 import numpy as np
 import pytest
 from test_cli import latinpc as command
@@ -69,6 +71,16 @@ def test_python_and_the_option_come_before_the_file(net):
     assert "small displacements do not hold" not in command("solve", file).stderr
     flat = command("solve", file, "-snes_latin_geometry", "linear")
     assert flat.stdout != command("solve", file).stdout
+
+
+def test_the_option_is_for_every_solver(net):
+    options = ("--json", "-", "-snes_latin_geometry", "large")
+    newton = json.loads(command("solve", net(""), *options, "-snes_type", "newtonls", "-snes_rtol", "1e-12").stdout)
+    known = json.loads(command("solve", net(""), *options, "-snes_latin_error", "1e-10").stdout)
+    forces = [np.array(found["reactions"]["forces"]) for found in (newton, known)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6, abs=1e-6)
+    wrong = command("solve", net(""), "-snes_latin_geometry", "larg", code=2)
+    assert "-snes_latin_geometry larg: geometry must be one of linear, prestress, large" in wrong.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import click
 import numpy as np
-from petsc4py import PETSc
 
 import latinpc
 from latinpc.results.atomic import check_writable
@@ -85,7 +84,6 @@ def _compute(scene, number, buckling, drawn, options):
         warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
         if drawn:
             structure = latinpc.Structure.from_scene(scene)
-            structure.set_geometry(PETSc.Options().getString("snes_latin_geometry", structure.geometry))
             return True, latinpc.modes(structure, number, buckling=buckling)
         state = solve(scene, subdomains=options["subdomains"] if scene.subdomain is None else None)
         found = state.modes(number, buckling=buckling)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import inspect
 import os
 import re
+from dataclasses import replace
 
 import click
+from petsc4py import PETSc
 from rich.markup import escape
 
 from latinpc.files.reading import FORMATS, read
 from latinpc.files.text import finite
+from latinpc.geometry import known_geometry
 from latinpc.scenes import SCENES, make
 
 from .printing import open_console
@@ -98,7 +101,17 @@ class SceneCommand(click.Command):
 
 
 def open_scene(name, options):
-    """Read or make the scene; on one rank."""
+    """Read or make the scene, of the geometry that an option gives; on one rank."""
+    scene = _opened(name, options)
+    geometry = PETSc.Options().getString("snes_latin_geometry", scene.geometry).lower()
+    try:
+        known_geometry(geometry)
+    except ValueError as error:
+        raise ValueError(f"-snes_latin_geometry {geometry}: {error}") from None
+    return scene if geometry == scene.geometry else replace(scene, geometry=geometry)
+
+
+def _opened(name, options):
     given = {key: value for key, value in options.items() if value not in (None, ())}
     if name not in SCENES and (os.path.exists(name) or os.path.splitext(name)[1]):
         beyond = [key for key in given if key not in FILES and key != "subdomains"]
