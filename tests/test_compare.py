@@ -153,6 +153,23 @@ def test_calibrated_runs_reach_their_accuracy(name):
     assert outcomes[0].iterations <= outcomes[1].iterations
 
 
+def test_a_stop_is_one_of_the_iterates_that_were_calibrated():
+    """Newton's method would take over on the way to one tolerance, and not on that to another."""
+    scene = make("tower")
+    reference, _ = by_newton(scene, 1e-4)
+    (tolerance,) = run.calibrate("latin", scene, [1e-4], reference)
+    found = run.solve("latin", scene, tolerance)
+    assert found.converged and mechanics.errors(scene, found.displacements, reference)[0] <= 1e-4
+    own = run.solve("latin", scene, None, accuracy=1e-4)
+    assert own.converged and mechanics.errors(scene, own.displacements, reference)[0] <= 1e-4
+
+
+def test_the_geometry_of_an_option_is_that_of_all_methods_and_of_the_reference():
+    net = ("saddle", "--side", 6, "--height", 0, "-snes_latin_geometry", "large")
+    ended = latinpc("compare", *net, "--methods", "latin,newton-cholmod", "--repeat", 1, "--json", "-")
+    assert all(row["converged"] for row in json.loads(ended.stdout)["rows"])
+
+
 # ---- processes -------------------------------------------------------------------------------
 
 

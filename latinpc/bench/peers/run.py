@@ -87,14 +87,15 @@ def solve(name, scene, tolerance, options=None, comm=None, reference=None, accur
     scene : Scene
     tolerance : float or None
         Stop: of the indicator (latin), of the residual over the first one (Newton), of the program (piqp,
-        clarabel), of the norm that a KSP watches. None with an accuracy.
+        clarabel), of the norm that a KSP watches. None with an accuracy. A stop of latin is one of its own iterates:
+        Newton's method does not take over.
     options : dict, optional
         More PETSc options, which replace those of the method.
     comm : communicator, optional
     reference : (n, dim) array, optional
         Makes the solve record its errors; its times then mean nothing.
     accuracy : float, optional
-        With a reference and without a tolerance, the error at which to stop.
+        Without a tolerance, the error at which to stop: against the reference, or as latin estimates it.
 
     Returns
     -------
@@ -106,7 +107,10 @@ def solve(name, scene, tolerance, options=None, comm=None, reference=None, accur
     settings = {**method.options, **(options or {})}
     if settings.get("pc_factor_mat_solver_type") == "cholmod" and PETSc.COMM_WORLD.size > 1:
         raise RuntimeError("CHOLMOD factors on one rank only")
-    if method.kind == "latin":
+    if method.kind == "latin" and tolerance is None and reference is None:
+        settings |= {"snes_latin_error": accuracy}
+    elif method.kind == "latin":
+        settings = {"snes_latin_newton": "never"} | settings
         settings |= {"snes_stol": tolerance} if tolerance else {"snes_latin_stop": "reference", "snes_stol": accuracy}
     if method.kind == "linear":
         with default_options(settings):
@@ -269,8 +273,6 @@ def calibrate(name, scene, accuracies, reference, options=None, comm=None):
     """
     if METHODS[name].kind == "qp":
         return _calibrate_program(name, scene, accuracies, reference)
-    if METHODS[name].options.get("snes_latin_newton"):
-        return list(accuracies)  # it stops on an estimate of the error, and goes no further
     outcome = solve(name, scene, None, options, comm, reference, BELOW * min(accuracies))
     return [loosest(outcome.history, accuracy) for accuracy in accuracies]
 

@@ -28,7 +28,7 @@ LONG = 2.0  # s
 
 def _timed(task, scene, reference, tolerance):
     """Solve and compare; return the measures of the run."""
-    outcome = run.solve(task["method"], scene, tolerance, task.get("options"))
+    outcome = run.solve(task["method"], scene, tolerance, task.get("options"), accuracy=task.get("accuracy"))
     error_l2, error_energy = errors(scene, outcome.displacements, reference)
     return {
         "setup_seconds": outcome.setup_seconds,
