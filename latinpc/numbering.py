@@ -21,6 +21,14 @@ def place(nodes: np.ndarray, node: int) -> np.ndarray:
     return np.where(np.abs(nodes[node]) < 1e-12 * np.abs(nodes).max(), 0.0, nodes[node])
 
 
+def place_name(nodes: np.ndarray, node: int) -> str:
+    """Return the coordinates of a node as text, with six digits of the extent, which tell neighbours apart."""
+    extent = np.ptp(nodes, axis=0).max()
+    beyond = np.log10(np.abs(nodes).max() / extent) if extent > 0.0 else 0.0
+    digits = 6 + max(0, int(np.ceil(beyond)))
+    return f"({', '.join(f'{x:.{digits}g}' for x in place(nodes, node))})"
+
+
 @dataclass(frozen=True)
 class Numbering:
     """How a file counts its nodes and links.
@@ -63,7 +71,7 @@ class Numbered:
         if self.numbering is None:
             return str(node)
         name = str(self.numbering.nodes[node])
-        return name or f"({', '.join(f'{x:.6g}' for x in place(self.nodes, node))})"
+        return name or place_name(self.nodes, node)
 
     @property
     def links_named(self) -> bool:

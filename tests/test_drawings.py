@@ -1,6 +1,7 @@
 """Drawings: points merged, grids raised and braced, nodes chosen by conditions, edges of faces."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,24 @@ def test_a_drawing_is_merged_raised_and_braced(tmp_path):
     assert scene.metadata["notes"][0] == f"{2 * (m + 5) - n} points merged"
     result = solve(scene)
     assert result.converged and result.displacements[:, 2].min() < 0.0
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (3.5e6, 5.4e6)])
+def test_a_forgotten_point_far_away_merges_nothing_and_neighbours_have_names_apart(corner, tmp_path):
+    """At the coordinates of a map, with a point at the origin."""
+    ezdxf = pytest.importorskip("ezdxf")
+    document, (x, y) = ezdxf.new(), corner
+    for a, b in pairwise([0.0, 1.0, 2.0, 2.01]):
+        document.modelspace().add_line((x + a, y), (x + b, y + 1.0), dxfattribs={"layer": "a"})
+        document.modelspace().add_line((x + b, y + 1.0), (x + b, y), dxfattribs={"layer": "a"})
+    document.modelspace().add_point((0.0, 0.0, 50.0))
+    document.saveas(tmp_path / "map.dxf")
+    scene = latinpc.read(tmp_path / "map.dxf", EA=1.0, support=f"y<={y + 0.5}")
+    assert (len(scene.nodes), len(scene.links)) == (7, 6)
+    assert len({scene.node_name(node) for node in range(7)}) == 7
+    assert any("1 node that no link touches left out" in note for note in scene.metadata["notes"])
+    names = {0.0: "(2.01, 1)", 3.5e6: "(3500002.01, 5400001)"}
+    assert names[x] in map(scene.node_name, range(7))
 
 
 def test_lines_of_a_merged_table_keep_their_number(tmp_path):

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from latinpc.numbering import place_name
+
 MERGE = 1e-6  # of the largest extent: the least distance of two points of a drawing that are not one node
 GENERIC = np.array([0.5773, 0.7071, 0.4082])  # a direction along which the points of a regular drawing are apart
 
@@ -86,8 +88,8 @@ class Lines:
 
     @property
     def extent(self):
-        """Largest extent of the points (m)."""
-        return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
+        """Largest extent of the lines (m); points without lines may be anywhere."""
+        return float(np.ptp(self.points[self.ends.ravel()], axis=0).max()) if len(self.ends) else 0.0
 
     @property
     def lengths(self):
@@ -96,7 +98,7 @@ class Lines:
 
     def point_name(self, point):
         """Return what messages call a point: its name in the file, or its place where it has none."""
-        return str(self.point_names[point]) or f"({', '.join(f'{x:.9g}' for x in self.points[point])})"
+        return str(self.point_names[point]) or place_name(self.points, point)
 
     def place(self, line):
         """Return the place of a line in the file, for messages."""
@@ -201,7 +203,8 @@ class Lines:
         """
         if not np.isfinite(rise):
             raise ValueError(f"--raise {rise:g}: it must be a finite number")
-        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        joined = self.points[self.ends.ravel()]
+        low, high = joined.min(axis=0), joined.max(axis=0)
         side = (high - low)[:2]
         if high[2] - low[2] > MERGE * self.extent:
             raise ValueError(

@@ -133,8 +133,8 @@ def read(
     scale : float, optional
         A unit of length of the file (m); of a DXF file its own unit by default, else 1.
     merge : float, optional
-        Distance (m) below which points are one node; in drawings (DXF, OBJ, compas) 1e-6 of the largest extent by
-        default, elsewhere none.
+        Distance (m) below which points are one node; in drawings (DXF, OBJ, compas) 1e-6 of the largest extent of
+        the lines by default, elsewhere none.
     rise : float, optional
         Raise a flat drawing to a vault, its crown so many longer sides above its rim.
     brace : float, optional
@@ -348,7 +348,7 @@ def _scene(path, lines, settings, description, given):
     groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
     drawn = {name: np.flatnonzero(np.isin(line, chosen)) for name, chosen in lines.groups.items()}
     points = {name: number[chosen][number[chosen] >= 0] for name, chosen in lines.node_groups.items()}
-    in_space(settings, dim)
+    in_space(settings, dim, description)
     fixed, prescribed = read_supports(
         settings, nodes, groups, description, lines.fixed[used, :dim].copy(), lines.prescribed[used, :dim].copy()
     )
