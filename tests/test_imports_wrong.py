@@ -92,7 +92,7 @@ OPTIONS = [
     ({"support": ()}, ["bars.obj", "nothing is held", "--support", "bars.toml"]),
     ({"load": "down=3"}, ["--load down=3", "write z=-1000"]),
     ({"load": ["y=3", "y=3"]}, ["--load y=3: given twice"]),
-    ({"load": "z=3"}, ["--load z=3", "there is no z"]),
+    ({"load": "z=3"}, ["--load z=3", "there is no z", "write dim = 3 in bars.toml"]),
     ({"EA": {"wires": 1.0}}, ["no group of lines is 'wires'"]),
     ({"EA": {"ropes": -1.0}}, ["'ropes'", "EA must be positive"]),
     ({"law": {None: "cables"}}, ["unknown law 'cables'"]),

@@ -87,7 +87,7 @@ def _force(text):
     return {"components": force, "where": where or "all"}
 
 
-def in_space(settings, dim):
+def in_space(settings, dim, description):
     """Give the loads of options, which name axes, the form of those of the TOML file."""
     for where, entries in settings.get("loads", {}).items():
         if "down" in entries:
@@ -96,5 +96,9 @@ def in_space(settings, dim):
             force = entries.pop("components")
             beyond = [axis for axis in force if axis not in AXES[:dim]]
             if beyond:
-                raise ValueError(f"{where}: there is no {beyond[0]}, the structure lies in {', '.join(AXES[:dim])}")
+                needed = 1 + max(map(AXES.index, beyond))
+                raise ValueError(
+                    f"{where}: there is no {beyond[0]}, the structure lies in {', '.join(AXES[:dim])}; for loads across"
+                    f" it write dim = {needed} in {description.name}"
+                )
             entries["force"] = [force.get(axis, 0.0) for axis in AXES[:dim]]
