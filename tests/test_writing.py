@@ -161,6 +161,41 @@ def test_other_mistakes_are_found_before_any_work(tmp_path, monkeypatch, capsys)
     assert sorted(os.listdir()) == ["dangling.json", "film"]
 
 
+BARS = "start,end,EA\n1,2,1e6\n"
+ENDS = "x,fix,Fx\n0,x,\n1,,1\n"
+
+
+@pytest.mark.parametrize(("words", "sentence"), [
+    (["solve", "bar-nodes.csv", "--csv", "a.csv", "bar-members.csv"], "bar-members.csv: is read, and cannot be"),
+    (["solve", "bar-nodes.csv", "--csv", "./a.csv", "a.csv"], "a.csv: is written already"),
+    (["solve", "bar-nodes.csv", "--output", "same.vtu", "--output", "a.vtu"], "a.vtu: is written already"),
+    (["solve", "bar-nodes.csv", "--json", "bar.toml"], "bar.toml: is read, and cannot be written too; give another"),
+    (["solve", "bar-nodes.csv", "--num-steps", 1, "--history", "a.csv", "--csv", "b.csv", "a.csv"], "a.csv: is read"),
+    (["cases", "bar-nodes.csv", "--csv", "bar-members.csv"], "bar-members.csv: is read"),
+    (["form", "bar-nodes.csv", "--natural", "--csv", "bar-members.csv", "bar-nodes.csv"], "bar-members.csv: is read"),
+    (["modes", "bar-nodes.csv", "--json", "bar.toml"], "bar.toml: is read"),
+    (["compare", "bar-nodes.csv", "--json", "bar.toml"], "bar.toml: is read"),
+], ids=str)  # fmt: skip
+def test_no_file_is_written_twice_or_over_one_that_is_read(words, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("bar-nodes.csv").write_text(ENDS)
+    Path("bar-members.csv").write_text(BARS)
+    Path("bar.toml").write_text("dim = 1\n")
+    Path("same.vtu").symlink_to("a.vtu")
+    assert call(*words) == 2
+    assert f"latinpc: {sentence}" in capsys.readouterr().err
+    assert Path("bar-members.csv").read_text() == BARS and not Path("a.vtu").exists()
+
+
+def test_every_output_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert call("solve", "lattice", "--output", "a.vtu", "--output", "b.vtu") == 0
+    assert "written        a.vtu, b.vtu" in capsys.readouterr().out
+    assert Path("a.vtu").read_bytes() == Path("b.vtu").read_bytes()
+    assert call("solve", "impact-grid", "--modules", 4, "--num-steps", 1, "--output", "c.pvd", "--output", "d.vtu") == 0
+    assert Path("c.pvd").exists() and Path("d.vtu").exists()
+
+
 RANKS = """
 import sys
 import petsc4py

@@ -68,7 +68,7 @@ def _prepare(scene, files, options):
             check_writable(path, suffixes)
     if options["case"] is not None:
         raise ValueError("--case is for latinpc solve; latinpc cases solves all")
-    return open_scene(scene, options)
+    return open_scene(scene, options, [path for path, _ in files])
 
 
 def _write(result, json_file, csv_file, reactions, picture):

@@ -85,7 +85,7 @@ def _prepare(name, densities, natural, without_load, files, options):
             check_ezdxf(path)
     if not densities and not natural:
         raise ValueError("give force densities with --density, or --natural to keep natural lengths")
-    scene = open_scene(name, options)
+    scene = open_scene(name, options, [path for path, _ in files])
     if scene.direction is not None:
         raise ValueError(f"{scene.name} has links with directions of their own: a form is of links along their nodes")
     elastic = np.isin(scene.law, (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY))

@@ -22,7 +22,7 @@ def _ready(comm, scene, json_file, picture, options):
     for path, suffixes in ((None if json_file == "-" else json_file, None), (picture, (".png", ".pdf", ".svg"))):
         if path is not None:
             check_writable(path, suffixes)
-    return open_scene(scene, options)
+    return open_scene(scene, options, [json_file, picture])
 
 
 @click.command(cls=SceneCommand)

@@ -72,7 +72,7 @@ def _prepare(name, node_mass, files, number, mode, options):
         raise ValueError(f"--number {number}: at least one mode is asked for")
     if not 1 <= mode <= number:
         raise ValueError(f"--mode {mode}: choose one of the modes from 1 to {number}")
-    scene = open_scene(name, options)
+    scene = open_scene(name, options, files.values())
     if node_mass is None:
         return scene
     return replace(scene, mass=np.full(len(scene.nodes), node_mass))

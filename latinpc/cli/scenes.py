@@ -11,7 +11,7 @@ import click
 from petsc4py import PETSc
 from rich.markup import escape
 
-from latinpc.files.reading import FORMATS, read
+from latinpc.files.reading import FORMATS, read, sources
 from latinpc.files.text import finite
 from latinpc.geometry import known_geometry
 from latinpc.scenes import SCENES, make
@@ -100,8 +100,13 @@ class SceneCommand(click.Command):
                 formatter.write_dl(records)
 
 
-def open_scene(name, options):
-    """Read or make the scene, of the geometry that an option gives; on one rank."""
+def open_scene(name, options, written=(), read=()):
+    """Read or make the scene, of the geometry that an option gives; on one rank.
+
+    Refuse files to be written, None or ``"-"`` left out, that are the same, or one of those that are read: of the scene
+    or others.
+    """
+    _check_apart([path for path in written if path not in (None, "-")], [*_sources(name), *filter(None, read)])
     scene = _opened(name, options)
     geometry = PETSc.Options().getString("snes_latin_geometry", scene.geometry).lower()
     try:
@@ -111,9 +116,28 @@ def open_scene(name, options):
     return scene if geometry == scene.geometry else replace(scene, geometry=geometry)
 
 
+def _is_file(name):
+    return name not in SCENES and (os.path.exists(name) or os.path.splitext(name)[1])
+
+
+def _sources(name):
+    """Return the files that the scene is read from, none where it is not there or made."""
+    return sources(name) if _is_file(name) and os.path.exists(name) else []
+
+
+def _check_apart(written, read):
+    """Refuse files to be written that are the same, or that are read."""
+    known = {os.path.realpath(path): "is read" for path in read}
+    for path in written:
+        place = os.path.realpath(path)
+        if place in known:
+            raise ValueError(f"{path}: {known[place]}, and cannot be written too; give another name")
+        known[place] = "is written already"
+
+
 def _opened(name, options):
     given = {key: value for key, value in options.items() if value not in (None, ())}
-    if name not in SCENES and (os.path.exists(name) or os.path.splitext(name)[1]):
+    if _is_file(name):
         beyond = [key for key in given if key not in FILES and key != "subdomains"]
         if beyond:
             takes = ", ".join(option for option, *_ in FILES.values())

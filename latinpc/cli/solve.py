@@ -42,7 +42,10 @@ RUN = (
 @click.option("--reference", is_flag=True, help="Report errors against a solution by Newton's method.")
 @click.option("--digits", is_flag=True, help="Report how many digits are accurate, and what limits them.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
-@click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion; .dxf for CAD.")
+@click.option(
+    "--output", multiple=True, metavar="FILE",
+    help="Write results for ParaView: .vtu, or .pvd for a motion; .dxf for CAD. May be repeated.",
+)  # fmt: skip
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
 @click.option("--html", metavar="FILE", help="Write an interactive figure for a browser: one .html file.")
 @click.option(
@@ -94,14 +97,14 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
         raise ValueError("--amplify is for pictures: give --picture or --html")
     files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
     files |= dict(zip(("members", "nodes"), csv or ()))
-    scene, run["history"] = on_root(comm, _prepare, scene, moves, files, options, run["history"])
+    scene, run["history"] = on_root(comm, _prepare, scene, moves, files, options, run)
     count = options.get("subdomains") if scene.subdomain is None else None
     if count is not None and not 1 <= count <= len(scene.links):
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
     with progress(comm, quiet or monitored) as say:
         if moves:
-            result = _move(scene, count, run, say, (output, picture, *(csv or ())), keeper)
+            result = _move(scene, count, run, say, (*output, picture, *(csv or ())), keeper)
         else:
             with _mechanism_drawn(comm, scene, picture):
                 result = _solve(scene, count, run, say, keeper)
@@ -167,7 +170,13 @@ def _keeper(comm, run):
     return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 
-def _prepare(scene, moves, files, options, history):
+def _each(files):
+    """Return (kind, path) of the files to be written."""
+    pairs = [*files.items(), *(("output", path) for path in files["output"])]
+    return [(kind, path) for kind, path in pairs if isinstance(path, str)]
+
+
+def _prepare(scene, moves, files, options, run):
     """Open the scene and the history; refuse results that could not be written before any work is done; on one rank."""
     kinds = {
         "output": (".pvd", ".vtu") if moves else (".vtu", ".dxf"),
@@ -176,14 +185,16 @@ def _prepare(scene, moves, files, options, history):
         "members": (".csv",),
         "nodes": (".csv",),
     }
-    for kind, path in files.items():
-        if path not in (None, "-"):
+    for kind, path in _each(files):
+        if path != "-":
             check_writable(path, kinds.get(kind))
             check_ezdxf(path)
-    if str(files["output"]).lower().endswith(".pvd"):
-        frames_folder(files["output"])
+        if path.lower().endswith(".pvd"):
+            frames_folder(path)
+    history, checkpoint, restart = run["history"], run["checkpoint"], run["restart"]
     name = options.pop("case") if history is not None else None  # which acts besides the scene
-    scene = open_scene(scene, options)
+    read = (history, None if restart == checkpoint else restart)  # a run may go on in its own file
+    scene = open_scene(scene, options, [checkpoint, *(path for _, path in _each(files))], read)
     if history is not None:
         history = History(*read_history(history), _case_of(scene, name))
     if scene.velocity is not None and not moves:
@@ -255,7 +266,7 @@ def _report(comm, result, files, amplify, manner):
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
             lines = (summary_of_motion if moves else summary)(result, verbose)
-            written = [str(path) for path in files.values() if path is not None]
+            written = [path for _, path in _each(files)]
             lines += [("written", ", ".join(written))] if written else []
             print_lines(open_console(), result.report["scene"], lines)
         if not result.converged:
@@ -266,14 +277,15 @@ def _report(comm, result, files, amplify, manner):
 
 def _write_motion(result, files, amplify):
     """Write the files; on one rank. When a step does not converge, the states before it are written."""
-    last, output, picture = result.frames[-1], files["output"], files["picture"]
+    last, picture = result.frames[-1], files["picture"]
     if files["json"] is not None:
         write_json(files["json"], result.report)
-    if output is not None and str(output).lower().endswith(".pvd"):
-        write_pvd(output, result)
-    elif output is not None:
-        arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
-        write_vtu(output, result.scene, *arrays)
+    for output in files["output"]:
+        if output.lower().endswith(".pvd"):
+            write_pvd(output, result)
+        else:
+            arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
+            write_vtu(output, result.scene, *arrays)
     if files["members"] is not None:
         result.to_csv(files["members"], files["nodes"])
     if picture is not None and str(picture).lower().endswith(".gif"):
@@ -292,8 +304,8 @@ def _write(result, files, amplify):
     """Write the files; on one rank. Without convergence the last iterate is written."""
     if files["json"] is not None:
         write_json(files["json"], result.to_dict())
-    if files["output"] is not None:
-        (result.to_dxf if str(files["output"]).lower().endswith(".dxf") else result.to_vtu)(files["output"])
+    for output in files["output"]:
+        (result.to_dxf if output.lower().endswith(".dxf") else result.to_vtu)(output)
     if files["members"] is not None:
         result.to_csv(files["members"], files["nodes"])
     for kind in ("picture", "html"):

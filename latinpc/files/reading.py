@@ -83,6 +83,7 @@ from .description import read_description, read_loads, read_masses, read_support
 from .given import Given, add_options, by_group, in_space
 from .linklaws import read_laws
 from .selection import AXES
+from .tables import pair
 from .text import nearest
 
 #: Suffix -> module and function; a folder has the suffix "".
@@ -185,6 +186,13 @@ def read(
     return cases[case].applied(scene)
 
 
+def sources(path: str | os.PathLike) -> list[pathlib.Path]:
+    """Return the files that `read` reads of a structure: its own, both tables, the TOML file where there is one."""
+    path = pathlib.Path(path)
+    beside = [file for file in (_beside(path),) if file.is_file()]
+    return (pair(path) if path.is_dir() or path.suffix.lower() == ".csv" else [path]) + beside
+
+
 def _reader(path):
     """Return the function that reads a file."""
     if not path.exists():
@@ -214,12 +222,12 @@ def _settings(path, description, lines, given):
 def _beside(path):
     """Return the TOML file of a file or a folder: that which is there, or else the name that it should have."""
     names = [path.with_suffix(".toml")]
-    pair = re.fullmatch(r"(?:(.+)[-_ ])?(nodes|members)", path.stem)
+    word = re.fullmatch(r"(?:(.+)[-_ ])?(nodes|members)", path.stem)
     if path.is_dir():
         names += sorted(path.glob("*.toml"))
-    elif pair:
-        other = path.stem.removesuffix(pair[2]) + ("members" if pair[2] == "nodes" else "nodes")
-        names = [path.with_name(f"{stem}.toml") for stem in (pair[1], other, path.stem) if stem]
+    elif word:
+        other = path.stem.removesuffix(word[2]) + ("members" if word[2] == "nodes" else "nodes")
+        names = [path.with_name(f"{stem}.toml") for stem in (word[1], other, path.stem) if stem]
     there = [name for name in names if name.is_file()]
     if len(there) > 1:
         raise ValueError(

@@ -54,7 +54,7 @@ HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 def read_tables(path):
     """Read nodes.csv and members.csv; return `Lines`. Raises ValueError with the file and its line."""
-    nodes_file, members_file = _pair(pathlib.Path(path))
+    nodes_file, members_file = pair(pathlib.Path(path))
     nodes = Table(nodes_file, NODES, ("x",))
     names = nodes.columns.get("node", [str(number + 1) for number in range(len(nodes.rows))])
     number = {}
@@ -89,7 +89,7 @@ def read_tables(path):
     )  # fmt: skip
 
 
-def _pair(path):
+def pair(path):
     """Return the files of nodes and of members."""
     expected = "a folder with nodes.csv and members.csv, or NAME-nodes.csv and NAME-members.csv"
     if path.is_dir():
