@@ -103,6 +103,20 @@ def test_what_both_a_table_and_its_toml_file_give_is_named(tmp_path):
     assert scene.law.tolist() == [Law.CABLE, Law.BAR, Law.BAR]
 
 
+def test_numbers_of_numpy_and_laws_of_the_library(tmp_path):
+    path, _ = written(tmp_path, "obj")
+    given = {"support": "points", "load": "y=-1000:y=min"}
+    known = latinpc.read(path, EA=5.0, prestress=2.0, self_weight=3.0, law="cable", **given)
+    scene = latinpc.read(
+        path, EA=np.float32(5.0), prestress=np.int64(2), self_weight=np.float32(3.0), law=latinpc.Law.CABLE, **given
+    )
+    for name in ("law", "stiffness", "initial_elongation", "load"):
+        assert np.array_equal(getattr(scene, name), getattr(known, name))
+    path.with_suffix(".toml").write_text('\ufefftitle = "ropes"\n', encoding="utf-8")
+    named = latinpc.read(path, law={"ropes": latinpc.Law.INEXTENSIBLE}, **given)
+    assert named.name == "ropes" and (named.law == Law.INEXTENSIBLE).all()
+
+
 def test_columns_in_other_orders_units_and_languages(tmp_path):
     nodes = "\ufeffFy [kN];Node;X (mm);y [cm];fix;#remark\n\n;left;0;300;xy;a\n;right;8000,0;3e2;XY;\n"
     nodes += "-1,0;middle;4000;0;;b\n"

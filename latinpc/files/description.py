@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from numbers import Real
 
 import numpy as np
 
 from .selection import AXES, select
-from .text import nearest
+from .text import nearest, read_text
 
 LAW_KEYS = (
     "law", "EA", "stiffness", "initial_elongation", "strain", "prestress", "gap", "coefficient", "normal", "table",
@@ -31,14 +32,11 @@ def place(description, table, group):
 
 def read_description(description):
     """Read the TOML file; refuse unknown keys."""
-    with open(description, "rb") as file:
-        try:
-            settings = tomllib.load(file)
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
-            raise ValueError(f"{description}: not a TOML file: {error}") from None
+    text = read_text(description)
+    try:
+        settings = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
+        raise ValueError(f"{description}: not a TOML file: {error}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
     check_keys(settings, TOP_KEYS, tables | {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}, f"{description}: ", "")
     return settings
@@ -72,7 +70,7 @@ def check_keys(settings, keys, tables, where, prefix):
 
 def number(value, where, positive=False):
     """Return a finite number of the file, or raise with its place."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+    if isinstance(value, bool) or not isinstance(value, Real) or not abs(value) <= sys.float_info.max:
         raise ValueError(f"{where} must be a finite number, not {value!r}")
     if positive and value <= 0:
         raise ValueError(f"{where} must be positive, not {value!r}")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from latinpc.laws import RIGID
+from latinpc.laws import RIGID, Law
 
+from .description import number
 from .selection import AXES
 from .text import finite
 
@@ -26,14 +27,17 @@ class Given:
     geometry: str | None = None
     taken: set = field(default_factory=set)
 
+    def __post_init__(self):
+        names = {group: kind.name if isinstance(kind, Law) else str(kind) for group, kind in self.law.items()}
+        self.law = {group: name.lower().replace("-", "_").replace(" ", "_") for group, name in names.items()}
+
     def named(self):
         """Return the groups that options name, None for all others."""
         return {**self.law, **self.EA, **self.prestress}.keys()
 
     def entries(self, group):
         """Return the law of a group, as in ``[laws.NAME]``."""
-        kind = self.law.get(group, self.usual.get(group, self.law.get(None, "bar")))
-        found = {"law": str(kind).lower().replace("-", "_").replace(" ", "_")}
+        found = {"law": self.law.get(group, self.usual.get(group, self.law.get(None, "bar")))}
         for key in ("EA", "prestress"):
             value = getattr(self, key).get(group, getattr(self, key).get(None))
             if value is not None and not (key == "EA" and self.rigid(found["law"]) and group not in self.EA):
@@ -70,6 +74,7 @@ def add_options(settings, given, support, load, self_weight):
             raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
         settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
     for group, value in self_weight.items():
+        value = number(value, "--self-weight" if group is None else f"--self-weight of '{group}'")
         words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"
         settings.setdefault("loads", {})[words] = {"down": value, "lines": "all" if group is None else group}
 

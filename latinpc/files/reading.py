@@ -75,6 +75,7 @@ from dataclasses import replace
 import numpy as np
 
 from latinpc.geometry import GEOMETRIES
+from latinpc.laws import Law
 from latinpc.numbering import Numbering, grouped
 from latinpc.scenes.scene import Scene
 
@@ -109,7 +110,7 @@ def read(
     merge: float | None = None,
     rise: float | None = None,
     brace: float | None = None,
-    law: str | dict[str | None, str] | None = None,
+    law: str | Law | dict[str | None, str | Law] | None = None,
     EA: float | dict[str | None, float] | None = None,
     prestress: float | dict[str | None, float] | None = None,
     support: str | Sequence[str] = (),
@@ -141,8 +142,8 @@ def read(
     brace : float, optional
         Make two layers, so far apart along z (m), with posts, group ``posts``, and crossed braces, group ``braces``,
         which are cables unless something else is said.
-    law, EA, prestress : str, float, float, or dict, optional
-        Name of `latinpc.Law`, axial stiffness (N) and tension before loading (N) of the lines that the files give
+    law, EA, prestress : str or Law, float, float, or dict, optional
+        A `latinpc.Law` or its name, axial stiffness (N) and tension before loading (N) of the lines that the files give
         none; ``bar`` is the default law.
     support : str or sequence of str
         Held nodes, as ``WHERE`` or ``WHERE:AXES``, for instance ``"z=min"`` or ``"x=max:yz"``; WHERE is a group,

@@ -121,13 +121,13 @@ class Table:
         head = next((line for line in text.split("\n") if line.strip() and not line.lstrip().startswith("#")), "")
         delimiter = max(",;\t", key=head.count)
         self.decimal = "." if delimiter == "," else ","
-        rows = []
+        rows, self.comments = [], []
         reader = csv.reader(text.split("\n"), delimiter=delimiter, skipinitialspace=True)
         try:
             for cells in reader:
                 cells = [cell.strip() for cell in cells]
-                if any(cells) and not cells[0].startswith("#"):
-                    rows.append((reader.line_num, cells))
+                if any(cells):
+                    (self.comments if cells[0].startswith("#") else rows).append((reader.line_num, cells))
         except csv.Error as error:
             wrong(path, reader.line_num, f"not readable: {error}", self._format())
         if len(rows) < 2:
@@ -147,6 +147,7 @@ class Table:
 
     def _headings(self, cells, needed):
         """Find the names and the units of the columns."""
+        self._refuse_hidden(cells, needed)
         lower = {name.lower(): name for name in self.known}
         self.names, self.scale = [], {}
         for cell in cells:
@@ -168,6 +169,20 @@ class Table:
         for name in needed:
             if name not in self.names:
                 wrong(self.path, self.head, f"no column '{name}'", self._format())
+
+    def _refuse_hidden(self, cells, needed):
+        """Refuse a head that is a comment, as its first column is one to leave out."""
+
+        def all_in(cells):
+            return set(needed) <= {HEADING.sub(r"\1", cell).lower() for cell in cells}
+
+        hidden = [(row, comment) for row, comment in self.comments if row < self.head and all_in(comment)]
+        if hidden and not all_in(cells):
+            row, comment = hidden[0]
+            wrong(
+                self.path, row, f"the head begins with '{comment[0]}', which makes it a comment",
+                "the columns to leave out behind others",
+            )  # fmt: skip
 
     def numbers(self, name):
         """Return a column of numbers in SI units, zero where a cell is empty."""
