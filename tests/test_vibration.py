@@ -412,7 +412,7 @@ def test_command_of_buckling_and_drawn_states():
         ((), "need masses"),
         (("--buckling",), "take geometry='large'"),
         (("--number", "0"), "at least one mode"),
-        (("--mode", "9"), "choose one of the modes from 1 to 6"),
+        (("--mode", "9", "--gif", "a.gif"), "choose one of the modes from 1 to 6"),
         (("--gif", "a.png"), "cannot write '.png'"),
     ):
         assert said in command("modes", *grid, *words, code=2).stderr

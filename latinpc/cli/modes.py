@@ -30,7 +30,7 @@ from .scenes import SceneCommand, open_scene, scene_options
 @click.option("--output", metavar="FILE.vtu", help="Write the shapes for ParaView.")
 @click.option("--picture", metavar="FILE", help="Draw the modes, at most nine: .png, .pdf or .svg.")
 @click.option("--gif", metavar="FILE.gif", help="Write a period of one mode as an animation.")
-@click.option("--mode", type=int, default=1, show_default=True, metavar="N", help="The mode of --gif, counted from 1.")
+@click.option("--mode", type=int, metavar="N", help="The mode of --gif, counted from 1. Default: 1.")
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.pass_obj
 def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, picture, gif, mode, quiet, **options):
@@ -44,6 +44,9 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
     """
     alone = json_file == "-"
     quiet = quiet or alone
+    if mode is not None and gif is None:
+        raise ValueError("--mode is for animations: give --gif")
+    mode = 1 if mode is None else mode
     files = {"json": None if alone else json_file, "output": output, "picture": picture, "gif": gif}
     scene = on_root(comm, _prepare, scene, node_mass, files, number, mode, options)
     with progress(comm, quiet) as say:

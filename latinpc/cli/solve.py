@@ -91,10 +91,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
     moves = run["num_steps"] is not None
     run["options"] = None if preset is None else on_root(comm, preset_options, preset)
     keeper = _keeper(comm, run)
-    if html is not None and moves:
-        raise ValueError("--html is for statics: leave out --num-steps")
-    if amplify is not None and picture is None and html is None:
-        raise ValueError("--amplify is for pictures: give --picture or --html")
+    _check_files(moves, (*output, picture, *(csv or ())), picture, html, amplify, run["output_every"])
     files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
     files |= dict(zip(("members", "nodes"), csv or ()))
     scene, run["history"] = on_root(comm, _prepare, scene, moves, files, options, run)
@@ -150,6 +147,23 @@ def _check(
         raise ValueError("--checkpoint and --restart need --increments or --num-steps: states are saved between them")
     if checkpoint_every is not None and checkpoint is None:
         raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
+
+
+def _check_files(moves, files, picture, html, amplify, output_every):
+    """Refuse options of files that do not go together."""
+    if html is not None and moves:
+        raise ValueError("--html is for statics: leave out --num-steps")
+    if amplify is not None and picture is None and html is None:
+        raise ValueError("--amplify is for pictures: give --picture or --html")
+    if output_every is not None and not _films(files):
+        raise ValueError("--output-every is for the states of a motion: give --output FILE.pvd, a .gif or --csv")
+    if output_every is not None and output_every < 1:
+        raise ValueError(f"--output-every {output_every}: every Nth state is written, N at least 1")
+
+
+def _films(files):
+    """Return whether one of the files is of many states."""
+    return any(path.lower().endswith((".pvd", ".gif", ".csv")) for path in files if path is not None)
 
 
 def _keeper(comm, run):
@@ -237,7 +251,6 @@ def _iterating(snes):
 
 def _move(scene, subdomains, run, say, files, keeper):
     """Make the time steps; show them; collective."""
-    films = any(str(path).lower().endswith((".pvd", ".gif", ".csv")) for path in files if path is not None)
 
     def monitor(step, time):
         say(f"{scene.name}: step {step} of {run['num_steps']}, {time:.4g} s")
@@ -249,7 +262,7 @@ def _move(scene, subdomains, run, say, files, keeper):
         run["options"],
         subdomains=subdomains,
         mass=run["node_mass"],
-        every=run["output_every"] if films else 0,
+        every=run["output_every"] if _films(files) else 0,
         keeper=keeper,
         each_step=None if say is None else monitor,
         from_equilibrium=run["from_equilibrium"],
