@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -9,7 +10,11 @@ import pytest
 from conftest import ROOT
 
 import latinpc
+from latinpc import Case
+from latinpc.files.lines import Lines
+from latinpc.files.npz import load_scene, save_scene
 from latinpc.results.vtk import write_vtu
+from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
 # A triangle of two bars and a cable, a free node above; MSH 2.2
@@ -107,6 +112,24 @@ def pair(tmp_path):
         return tmp_path / "frame.msh"
 
     return write
+
+
+def test_lines_without_a_number_go_by_the_nodes_of_the_file(pair):
+    """Tags of Gmsh, which are not in a row."""
+    lines = Lines("frame.msh", np.zeros((3, 3)), [[1, 2]], point_names=np.array([1, 205, 309]))
+    assert lines.place(0) == "frame.msh: the line between nodes 205 and 309 of the file"
+    lines = Lines("frame.dxf", [[0, 0, 0], [2, 0, 0], [2, 1, 0]], [[1, 2]], point_names=np.full(3, ""))
+    assert lines.place(0) == "frame.dxf: the line between nodes (2, 0, 0) and (2, 1, 0) of the file"
+
+
+def test_a_scene_on_disk_keeps_its_cases(tmp_path):
+    scene = make("lattice", nx=4, ny=4)
+    load, part = np.ones_like(scene.load), Case("part", initial_elongation=np.full(len(scene.links), 1e-3), part=True)
+    save_scene(tmp_path / "scene.npz", replace(scene, cases=(Case("dead", load), part)))
+    dead, part = load_scene(tmp_path / "scene.npz").cases
+    assert (dead.name, dead.part, part.name, part.part) == ("dead", False, "part", True)
+    assert np.array_equal(dead.load, load) and dead.prescribed is None and part.load is None
+    assert (part.initial_elongation == 1e-3).all()
 
 
 def test_a_pair_gives_the_scene(pair):

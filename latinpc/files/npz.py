@@ -8,11 +8,12 @@ import numpy as np
 
 from latinpc.numbering import Numbering
 from latinpc.results.atomic import atomic
+from latinpc.scenes.case import PARTS, Case
 from latinpc.scenes.scene import Scene
 
 _ARRAYS = ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load")
 _OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity", "area", "strength")
-_NUMBERING = "numbering_"
+_NUMBERING, _CASE = "numbering_", "case_"
 
 
 def save_scene(path, scene):
@@ -22,8 +23,13 @@ def save_scene(path, scene):
     for name, values in vars(scene.numbering).items() if scene.numbering is not None else ():
         arrays |= {} if values is None else {f"{_NUMBERING}{name}": values}
     tables = [[part.tolist() for part in table] for table in scene.tables]
+    cases = [{"name": case.name, "part": case.part} for case in scene.cases]
+    for number, case in enumerate(scene.cases):
+        parts = zip(PARTS, case.parts)
+        arrays |= {f"{_CASE}{number}_{name}": part for name, part in parts if part is not None}
     about = {"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables}
-    text = json.dumps(about if scene.geometry == "linear" else about | {"geometry": scene.geometry})
+    about |= {} if scene.geometry == "linear" else {"geometry": scene.geometry}
+    text = json.dumps(about | ({"cases": cases} if cases else {}))
     with atomic(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, text=np.frombuffer(text.encode(), np.uint8), **arrays)
 
@@ -34,4 +40,8 @@ def load_scene(path):
         text = json.loads(bytes(file["text"]))
         arrays = {name: file[name] for name in file.files if name != "text"}
     names = {name.removeprefix(_NUMBERING): arrays.pop(name) for name in list(arrays) if name.startswith(_NUMBERING)}
-    return Scene(**text, **arrays, numbering=Numbering(**names) if names else None)
+    acts = {name.removeprefix(_CASE): arrays.pop(name) for name in list(arrays) if name.startswith(_CASE)}
+    cases = []
+    for number, about in enumerate(text.pop("cases", ())):
+        cases.append(Case(**about, **{name: acts[f"{number}_{name}"] for name in PARTS if f"{number}_{name}" in acts}))
+    return Scene(**text, **arrays, cases=tuple(cases), numbering=Numbering(**names) if names else None)
