@@ -79,6 +79,17 @@ def test_help_lists_every_option_of_ours_and_no_other():
     assert set(OPTIONS) == {name for name in found if not name.startswith(INNER_PREFIXES)}
 
 
+def test_a_closed_output_and_one_in_ascii(tmp_path):
+    """What is not printed is written; a character without a sign becomes another."""
+    words = [sys.executable, "-m", "latinpc", "solve", "lattice"]
+    closed = f"{' '.join(words)} --json r.json >&- && {' '.join(words)} --json - >&- 2>&-"
+    subprocess.run(["sh", "-c", closed], cwd=tmp_path, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert json.loads((tmp_path / "r.json").read_text())["converged"]
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    said = subprocess.run([*words, "-v"], cwd=ROOT, check=True, env=ascii_only, capture_output=True, text=True).stdout
+    assert re.search(r" [\d.]+ (\?|m)s", said)
+
+
 # ---- a solve ---------------------------------------------------------------------------------
 
 
@@ -217,8 +228,13 @@ BAD = [
     (["solve", "tensegrity-grid", "--modules", "12", "--subdomains", "7"], "7 subdomains"),
     (["solve", "tensegrity-grid", "--modules", "12", "--partition", "random"], "partition must be"),
     (["solve", TOWER, "--output", "r.stl"], "r.stl"),
+    (["solve", "net", "--subdomains", "-1"], "--subdomains -1: give 1 or more"),
+    (["cases", TOWER, "--subdomains", "0"], "--subdomains 0: give 1 or more"),
     (["solve", TOWER, "--num-steps", "1", "--output-every", "2"], "--output-every is for the states of a motion: give"),
-    (["solve", TOWER, "--num-steps", "1", "--output-every", "-2", "--csv", "a.csv", "b.csv"], "--output-every -2: every"),
+    (
+        ["solve", TOWER, "--num-steps", "1", "--output-every", "-2", "--csv", "a.csv", "b.csv"],
+        "--output-every -2: every",
+    ),
     (["modes", TOWER, "--mode", "2"], "--mode is for animations: give --gif"),
     (["solve", TOWER, "--json", "nowhere/r.json"], "the folder nowhere does not exist"),
     (["solve", TOWER, "-options_file", "nowhere.opts"], "no such file"),

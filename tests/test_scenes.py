@@ -180,6 +180,8 @@ def test_any_size_needs_no_partition(name, options):
         ("lattice", {"nx": 7, "partition": "regular"}, "or partition metis"),
         ("lattice", {"nx": 8, "ny": 8, "subdomains": 5}, "choose from"),
         ("lattice", {"nx": 0}, "at least 1"),
+        ("net", {"subdomains": -1}, "-1 subdomains cannot be squares"),
+        ("packing", {"subdomains": 0}, "0 subdomains cannot be boxes"),
     ],
 )
 def test_refusals_name_the_cure(name, options, message):

@@ -8,6 +8,7 @@ no solver knows, or has read in the end, is bad input. Under
 from __future__ import annotations
 
 import difflib
+import os
 import signal
 import sys
 import traceback
@@ -55,12 +56,22 @@ for _command in (solve_command, cases, form, modes, scenes, paper, compare, trad
 def main(arguments=None):
     """Run the command line and exit with its code; collective."""
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends us quietly, not by PETSc's handler
+    _open_streams()
     ours, petsc = split_arguments(sys.argv[1:] if arguments is None else list(arguments))
     comm = MPI.COMM_WORLD.Dup()  # of our own, so that waiting after an error meets no other message
     with printing_on(comm.rank == 0):
         code = _run(comm, ours, petsc)
         sys.stdout.flush()
     sys.exit(code)
+
+
+def _open_streams():
+    """Let a closed stream take what is printed, and one that has no sign for a character print another."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def _two_dashes(command, given):

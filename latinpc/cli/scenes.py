@@ -137,6 +137,8 @@ def _check_apart(written, read):
 
 def _opened(name, options):
     given = {key: value for key, value in options.items() if value not in (None, ())}
+    if given.get("subdomains", 1) < 1:
+        raise ValueError(f"--subdomains {given['subdomains']}: give 1 or more")
     if _is_file(name):
         beyond = [key for key in given if key not in FILES and key != "subdomains"]
         if beyond:

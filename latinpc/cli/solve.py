@@ -96,7 +96,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
     files |= dict(zip(("members", "nodes"), csv or ()))
     scene, run["history"] = on_root(comm, _prepare, scene, moves, files, options, run)
     count = options.get("subdomains") if scene.subdomain is None else None
-    if count is not None and not 1 <= count <= len(scene.links):
+    if count is not None and count > len(scene.links):
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
     with progress(comm, quiet or monitored) as say:

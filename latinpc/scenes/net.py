@@ -70,8 +70,8 @@ def net(
     load = _load(nodes, rim, side, weight, current, catch)
     parts = None
     if partition == "regular":
-        count = max(1, side // BLOCK) if subdomains is None else round(subdomains**0.5)
-        if subdomains is not None and count**2 != subdomains:
+        count = max(1, side // BLOCK) if subdomains is None else round(max(subdomains, 0) ** 0.5)
+        if subdomains is not None and (count < 1 or count**2 != subdomains):
             raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be squares: choose k**2, or partition metis")
         place = np.minimum(nodes[cables, :2].min(axis=1) / MESH, side - 1)
         block = np.minimum((place * count / side).astype(int), count - 1)

@@ -192,8 +192,8 @@ def _frame(step):
 
 def _blocks(where, side, dim, subdomains):
     """Return the box of grains that each contact is in; boxes without contact have no number."""
-    count = max(1, side // BLOCK[dim]) if subdomains is None else round(subdomains ** (1.0 / dim))
-    if subdomains is not None and count**dim != subdomains:
+    count = max(1, side // BLOCK[dim]) if subdomains is None else round(max(subdomains, 0) ** (1.0 / dim))
+    if subdomains is not None and (count < 1 or count**dim != subdomains):
         raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be boxes: choose k**{dim}, or partition metis")
     low, high = where.min(axis=0), where.max(axis=0)
     box = np.minimum(((where - low) / (high - low) * count).astype(int), count - 1)
