@@ -15,6 +15,7 @@ from latinpc.results.units import quantity
 from latinpc.runs.cases import failed, solve_cases
 
 from .arguments import PRESETS
+from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -44,12 +45,13 @@ def cases(comm, scene, json_file, csv_file, reactions, picture, preset, quiet, *
     scene = on_root(comm, _prepare, scene, files, options)
     with progress(comm, quiet) as say, warnings.catch_warnings():
         warnings.simplefilter("ignore", LatinWarning)  # notices are printed in the end
-        result = solve_cases(
-            scene,
-            options=settings,
-            subdomains=options["subdomains"] if scene.subdomain is None else None,
-            each_case=None if say is None else lambda number, name: say(f"{scene.name}: case {number + 1}, {name}"),
-        )
+        with mechanism_explained(comm, scene):
+            result = solve_cases(
+                scene,
+                options=settings,
+                subdomains=options["subdomains"] if scene.subdomain is None else None,
+                each_case=None if say is None else lambda number, name: say(f"{scene.name}: case {number + 1}, {name}"),
+            )
     on_root(comm, _write, result, json_file, csv_file, reactions, picture)
     if comm.rank == 0:
         for notice in result.notices:

@@ -14,6 +14,7 @@ from latinpc.results.atomic import check_writable
 from latinpc.results.mechanics import slack as slack_links
 from latinpc.runs.solve import solve
 
+from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -52,7 +53,8 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
     with progress(comm, quiet) as say:
         if say is not None:
             say(f"{scene.name}: solving, then {number} modes")
-        converged, found = _compute(scene, number, buckling, drawn, options)
+        with mechanism_explained(comm, scene):
+            converged, found = _compute(scene, number, buckling, drawn, options)
     on_root(comm, _write, found, files | {"json": json_file}, mode)
     if comm.rank == 0:
         for notice in found.notices:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from dataclasses import replace
 
 import click
 import numpy as np
@@ -15,7 +13,6 @@ from latinpc.files.text import nearest
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
 from latinpc.results.cad import check_ezdxf
-from latinpc.results.notices import SolveError
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
@@ -25,6 +22,7 @@ from latinpc.runs.solve import solve
 from latinpc.solvers import has_package, outer_snes
 
 from .arguments import PRESETS
+from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -103,26 +101,9 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
         if moves:
             result = _move(scene, count, run, say, (*output, picture, *(csv or ())), keeper)
         else:
-            with _mechanism_drawn(comm, scene, picture):
+            with mechanism_explained(comm, scene, picture):
                 result = _solve(scene, count, run, say, keeper)
     return _report(comm, result, files, amplify, (quiet, verbose))
-
-
-@contextlib.contextmanager
-def _mechanism_drawn(comm, scene, picture):
-    """Where a structure is refused that has a motion which no link resists, draw that; other ranks do not wait."""
-    try:
-        yield
-    except (PETSc.Error, SolveError):
-        flat = replace(scene, geometry="linear")  # what an option has made of it, or as drawn
-        motion = flat.free_motion() if comm.rank == 0 and picture is not None else None
-        if motion is not None:
-            from latinpc.results.drawing import save
-            from latinpc.results.motionpicture import motion_figure
-
-            save(motion_figure(flat, motion), picture)
-            print(f"latinpc: {picture} shows the motion that no link resists", file=sys.stderr)
-        raise
 
 
 def _check(

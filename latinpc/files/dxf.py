@@ -31,7 +31,7 @@ def read_dxf(path):
         for entity in document.modelspace():
             reader.take(entity, entity.dxf.layer)
         unit = document.units
-        scale = ezdxf.units.conversion_factor(unit, ezdxf.units.M) if unit else 1.0
+        scale = ezdxf.units.conversion_factor(unit, ezdxf.units.M) if unit else None
     except (ValueError, MemoryError) as error:
         raise ValueError(_said(path, error)) from None
     except Exception as error:  # ezdxf raises whatever its parser trips over

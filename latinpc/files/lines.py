@@ -35,8 +35,8 @@ class Lines:
         Points have no names of their own: those near each other are one node, and a line drawn twice is one link.
     laws : list of (str, array of int, dict)
         Place in the file, lines, and their law as in ``[laws.NAME]``.
-    unit : float
-        Unit of length (m), where the file gives it.
+    unit : float, optional
+        Unit of length (m), None where a drawing should name one and does not.
     heading : str
         A column of lengths whose heading has a unit of its own, if there is one.
     fixed, prescribed, load : (n, 3) array, optional
@@ -62,7 +62,7 @@ class Lines:
     dim: int | None = None
     drawing: bool = False
     laws: list = field(default_factory=list)
-    unit: float = 1.0
+    unit: float | None = 1.0
     heading: str = ""
     fixed: np.ndarray | None = None
     prescribed: np.ndarray | None = None
@@ -116,10 +116,11 @@ class Lines:
         """
         if scale is not None and self.heading:
             raise ValueError(f"--scale {scale:g}: {self.path} has a unit in the heading of '{self.heading}' already")
-        scale = self.unit if scale is None else scale
+        notes = ["the drawing has no unit: coordinates are taken as m (--scale)"] if scale is self.unit is None else []
+        scale = (self.unit or 1.0) if scale is None else scale
         if not 0.0 < scale < np.inf:
             raise ValueError(f"--scale {scale:g}: it must be positive, such as 0.001 for a file in mm")
-        notes = [] if scale == 1.0 else [f"a unit of length is {scale:g} m"]
+        notes += [] if scale == 1.0 else [f"a unit of length is {scale:g} m"]
         return replace(
             self, points=self.points * scale, prescribed=self.prescribed * scale, unit=1.0, notes=self.notes + notes
         )

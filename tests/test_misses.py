@@ -1,0 +1,42 @@
+"""Drawings whose lines miss each other by a little, and drawings without a unit."""
+
+import pytest
+from command import latinpc as command
+from two_bars import write_dxf
+
+import latinpc
+from latinpc.files.misses import near_misses
+
+ROOF = "v 0 0 0\nv 8 0 0\nv 4 3 0\nv 4 0 0\nl 1 3\nl 3 2\nl 4 3\n"
+DRAWINGS = {
+    "v 4.002 0 0\nl 1 4\nl 5 2\n": "node 5 is 0.002 m from node 4: if they are one, give --merge 0.003",
+    "l 1 2\n": "node 4 lies on the line 1-2, which it does not join: split the line there",
+    "l 1 4\nl 4 2\n": None,
+}
+
+
+@pytest.mark.parametrize("more", DRAWINGS)
+def test_ends_that_miss_each_other_are_named(more, tmp_path):
+    (tmp_path / "roof.obj").write_text(ROOF + more)
+    scene = latinpc.read(tmp_path / "roof.obj", EA=1e6, support=["x=min", "x=max"])
+    assert near_misses(scene) == ([DRAWINGS[more]] if DRAWINGS[more] else [])
+
+
+@pytest.mark.parametrize("words", [("solve",), ("modes", "--node-mass", 1.0)])
+def test_a_mechanism_of_a_drawing_names_them(words, tmp_path):
+    more, said = next(iter(DRAWINGS.items()))
+    (tmp_path / "roof.obj").write_text(ROOF + more)
+    options = ("--EA", 1e6, "--support", "x=min", "--support", "x=max")
+    lines = command(*words, tmp_path / "roof.obj", *options, code=2).stderr.splitlines()
+    assert lines[0] == f"latinpc: {said}" and "mechanism" in lines[1]
+    assert command("solve", tmp_path / "roof.obj", *options, "--merge", 0.003).stdout
+
+
+def test_a_drawing_without_a_unit_says_so(tmp_path):
+    given = {"EA": 1.0, "support": "feet"}
+    said = "the drawing has no unit: coordinates are taken as m (--scale)"
+    write_dxf(tmp_path / "a.dxf")
+    assert said in latinpc.read(tmp_path / "a.dxf", **given).metadata["notes"]
+    assert said not in latinpc.read(tmp_path / "a.dxf", scale=1.0, **given).metadata["notes"]
+    write_dxf(tmp_path / "b.dxf", 1e-3)
+    assert said not in latinpc.read(tmp_path / "b.dxf", **given).metadata["notes"]
