@@ -10,7 +10,7 @@ import numpy as np
 from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "COPIED", "Checks", "checked", "checked_shapes"]
+__all__ = ["ARRAYS", "COPIED", "INSTEAD", "Checks", "checked", "checked_shapes"]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
@@ -18,6 +18,7 @@ ARRAYS = (
     "subdomain", "direction", "friction", "mass", "area", "strength",
 )  # fmt: skip
 COPIED = ARRAYS[:-2]  #: those of which the library has a copy
+INSTEAD = ("EA", "prestress")  #: in place of stiffness and initial_elongation
 _LINKS_AT_ONCE = 8192  # their vectors in 3D take 200 kB
 
 
@@ -40,7 +41,7 @@ def checked(
     Parameters
     ----------
     given : mapping
-        `ARRAYS` by name, as `latinpc.Structure` takes them.
+        `ARRAYS` by name, and `INSTEAD` where they may be given, as `latinpc.Structure` takes them.
     laws : sequence of str
         Names of the known laws, by number.
     dtype : numpy.dtype
@@ -58,8 +59,13 @@ def checked(
     ends = around or (nodes, links)
     found = {"nodes": nodes, "links": links, "direction": checks.geometry(*ends, given["direction"], links)}
     found["law"] = law = checks.law(given["law"], laws)
-    found["stiffness"] = checks.stiffness(given["stiffness"], law)
-    elongation = given["initial_elongation"]
+    stiffness, elongation, EA = given["stiffness"], given["initial_elongation"], given.get("EA")
+    if "EA" in given and (stiffness is None) == (EA is None):
+        raise ValueError("give either stiffness, EA / length of each link (N/m), or EA (N)")
+    if elongation is not None and given.get("prestress") is not None:
+        raise ValueError("initial_elongation and prestress both give the self-stress: leave out one of the two")
+    stiffness = stiffness if EA is None else checks.axial_stiffness(EA, law, lengths(*ends))
+    found["stiffness"] = checks.stiffness(stiffness, law)
     found["initial_elongation"] = checks.initial_elongation(0.0 if elongation is None else elongation)
     found["fixed"], found["prescribed"] = checks.supports(given["fixed"], given["prescribed"])
     found["load"] = checks.node_array("load", 0.0 if given["load"] is None else given["load"])
@@ -75,20 +81,6 @@ def checked(
     if found["strength"] is not None and found["area"] is None:
         raise ValueError("strength is a stress, which needs the area of the links: give area")
     return found
-
-
-def axial_stiffness(nodes: Any, links: Any, law: Any, direction: Any, EA: Any) -> np.ndarray:
-    """Return EA over the lengths of the links, (m,) in N/m; not collective."""
-    nodes, links = checked_shapes({"nodes": nodes, "links": links})
-    checks = Checks(nodes.shape, len(links))
-    checks.geometry(nodes, links, direction, links)
-    values = checks.link_array("EA", EA)
-    own = checks.link_array("law", law_numbers(law)) > Law.COMPRESSION_ONLY  # a stiffness is found, or the table's own
-    wrong = ~((values > 0) & np.isfinite(values)) & ~((values == 0) & own)
-    refuse(wrong, "link", "needs a positive EA (0 where its law has no stiffness)", values)
-    length = lengths(nodes, links)
-    refuse((length == 0) & (values > 0), "link", "has no length to divide EA by: give stiffness", values)
-    return np.divide(values, length, out=np.zeros(len(links), checks.dtype), where=values > 0)
 
 
 def lengths(nodes, links):
@@ -156,6 +148,15 @@ class Checks:
         wrong = ~((values > 0) & np.isfinite(values)) & ~((values == 0) & (law > Law.COMPRESSION_ONLY))
         refuse(wrong, "link", "needs a positive stiffness", values)
         return values
+
+    def axial_stiffness(self, values, law, length):
+        """Check axial stiffnesses by their laws; return them over the lengths of the links."""
+        values = self.link_array("EA", values)
+        own = law > Law.COMPRESSION_ONLY  # a stiffness is found, or the table's own
+        wrong = ~((values > 0) & np.isfinite(values)) & ~((values == 0) & own)
+        refuse(wrong, "link", "needs a positive EA (0 where its law has no stiffness)", values)
+        refuse((length == 0) & (values > 0), "link", "has no length to divide EA by: give stiffness", values)
+        return np.divide(values, length, out=np.zeros(self.count, self.dtype), where=values > 0)
 
     def supports(self, fixed, prescribed):
         """Check supports; return them as arrays."""

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, communicator, index_set, native
-from latinpc.checks import ARRAYS, COPIED, Checks, axial_stiffness, checked
+from latinpc.checks import ARRAYS, COPIED, INSTEAD, Checks, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.library import _latin
@@ -177,14 +177,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         EA: ArrayLike | None = None,
     ):
         given = locals()
-        given = {array: given[array] for array in ARRAYS}
-        if (stiffness is None) == (EA is None):
-            raise ValueError("give either stiffness, EA / length of each link (N/m), or EA (N)")
-        if EA is not None:
-            given["stiffness"] = axial_stiffness(nodes, links, law, direction, EA)
-        if initial_elongation is not None and prestress is not None:
-            raise ValueError("initial_elongation and prestress both give the self-stress: leave out one of the two")
-        self._make(given, comm, name, prestress, geometry)
+        given = {array: given[array] for array in (*ARRAYS, *INSTEAD)}
+        self._make(given, comm, name, geometry)
         for array in ARRAYS:  # what the caller does to theirs is not done to ours
             if given[array] is not None and np.may_share_memory(getattr(self, array), np.asarray(given[array])):
                 self._keep(array, getattr(self, array).copy())
@@ -209,11 +203,11 @@ class Structure(Geometry, Equations, Actions, Plots):
         given["law"] = registered(scene)
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
-        structure._make(given, comm, scene.name, geometry=scene.geometry)
+        structure._make(given, comm, scene.name, scene.geometry)
         structure.notices = structure._doubles() if "file" in scene.metadata else []  # generators mean what they do
         return structure
 
-    def _make(self, given, comm, name, prestress=None, geometry="linear"):
+    def _make(self, given, comm, name, geometry):
         """Check the arrays, keep them, and distribute them."""
         self.comm = communicator(comm)
         arrays = self._checked(given)
@@ -229,8 +223,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         handle.set_laws(
             native(mine(self.law), PETSc.IntType), native(mine(self.stiffness)), native(mine(self.initial_elongation))
         )
-        if prestress is not None:
-            self.set_prestress(prestress)
+        if given.get("prestress") is not None:
+            self.set_prestress(given["prestress"])
         if self.direction is not None:
             handle.set_directions(native(mine(self.direction)))
         if self.friction is not None:

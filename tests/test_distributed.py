@@ -147,13 +147,13 @@ import latinpc
 comm = PETSc.COMM_WORLD.tompi4py()
 last = comm.rank == comm.size - 1
 
-def make(**wrong):
+def make(everywhere={}, **wrong):
     # a row of cables, three nodes a rank
     nodes = 3.0 * comm.rank + np.arange(3.0)[:, None]
     links = 3 * comm.rank + np.array([[-1, 0], [0, 1], [1, 2]])[0 if comm.rank else 1:]
     given = {"nodes": nodes, "links": links, "law": "bar", "stiffness": 1.0, "fixed": np.zeros((3, 1), bool)}
     given["fixed"][0] = comm.rank == 0
-    return latinpc.LocalStructure(**(given | (wrong if last else {})))
+    return latinpc.LocalStructure(**(given | everywhere | (wrong if last else {})))
 
 structure = make()
 structure.set_load(np.ones((3, 1)))
@@ -166,6 +166,7 @@ cases = {
     "a positive stiffness": lambda: make(stiffness=-1.0),
     "must be an (n, dim) array": lambda: make(nodes=np.zeros(3)),
     "law must have the shape": lambda: make(law=5 * ["bar"]),
+    "a positive EA": lambda: make({"stiffness": None, "EA": 1.0}, EA=-1.0),
     " no length": lambda: make(nodes=np.full((3, 1), first + 0.5)),
     "load must have the shape": lambda: structure.set_load(np.zeros((9, 1)) if last else np.zeros((3, 1))),
     "not fixed": lambda: structure.set_prescribed(np.ones((3, 1)) if last else np.zeros((3, 1))),
@@ -180,6 +181,9 @@ for text, call in cases.items():
 for text, call in {
     "coordinates on one rank": lambda: make(nodes=np.zeros((3, 2)), fixed=np.zeros((3, 2), bool)),
     "given on some ranks": lambda: make(mass=1.0),
+    "stiffness is given on some ranks": lambda: make(stiffness=None, EA=1.0),
+    "prestress is given on some ranks": lambda: make(prestress=1.0),
+    "give either stiffness": lambda: make({"EA": 1.0}),
 }.items():
     if comm.size == 1:
         break
@@ -207,6 +211,28 @@ def test_bad_parts_are_named_on_every_rank(mpirun, tmp_path, ranks):
     (tmp_path / "file").write_text("")
     run = mpirun(ranks, BAD, tmp_path / "file" / "no.pvtu")
     assert run.stdout.count("named") == ranks
+
+
+EXTENSIBLE = """
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+rank, x = PETSc.COMM_WORLD.rank, np.array([0.0, 1.0, 3.0, 6.0])
+own = slice(2 * rank, 2 * rank + 2)
+s = latinpc.LocalStructure(
+    x[own, None], [[0, 1], [1, 2]] if rank else [[2, 3]], "bar", EA=2.0, fixed=x[own, None] == 0.0,
+    load=np.where(x[own, None] == 6.0, 1.0, 0.0),
+)
+np.testing.assert_allclose(s.stiffness, [2.0, 1.0] if rank else [2.0 / 3.0])
+np.testing.assert_allclose(s.solve().displacements[:, 0], x[own] / 2.0)
+"""
+
+
+def test_axial_stiffness_is_divided_by_lengths_between_ranks(mpirun):
+    """Links carry the numbers of all ranks, and lie on any: their lengths need the nodes of the others."""
+    mpirun(2, EXTENSIBLE, timeout=60)
 
 
 EMPTY = """
@@ -273,8 +299,12 @@ def test_a_part_is_not_drawn_and_scenes_that_are_whole_are_named():
     result = structure.solve()
     assert result.converged and result.gather().plot()
     np.testing.assert_allclose(structure.lengths, scene.lengths)
-    with pytest.raises(ValueError, match="not drawn"):
-        structure.plot()
+    for draw in (structure.plot, structure.interactive, lambda: structure.to_html("no.html")):
+        with pytest.raises(ValueError, match="not drawn"):
+            draw()
+    for state in (structure, result, result.gather()):
+        with pytest.raises(ValueError, match="modes need a latinpc.Structure, whole on every rank"):
+            latinpc.modes(state)
     with pytest.raises(ValueError, match="choose from tensegrity-grid, truss-grid"):
         latinpc.local_scene("network")
     with pytest.raises(ValueError, match=r"written as \.pvtu"):

@@ -86,7 +86,7 @@ class LocalResult(Reported):
         -------
         latinpc.Result or None
             None on the other ranks. Its structure is no `latinpc.Structure`, and so it has no ``tangent`` and no
-            ``modes``.
+            ``modes``: of its arrays every rank can make one.
         """
         comm, structure = self.structure.comm.tompi4py(), self.structure
         if root is not None and root not in range(comm.size):

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from latinpc.arrays import REAL, Parts, agreed, refuse
-from latinpc.checks import ARRAYS, Checks, checked, checked_shapes
+from latinpc.checks import ARRAYS, INSTEAD, Checks, checked, checked_shapes
 from latinpc.library import _latin
 from latinpc.results.solve import solve
 from latinpc.structure import Structure
@@ -36,7 +36,7 @@ class LocalStructure(Structure):
         Coordinates of this rank's nodes (m). The nodes of rank 0 are numbered first, then those of rank 1, and so on.
     links : (m, 2) array_like of int
         The two nodes of each link of this rank, by their numbers among the nodes of all ranks. Any rank may have them.
-    law, stiffness, initial_elongation, subdomain, direction, friction, prestress, area, strength
+    law, stiffness, initial_elongation, subdomain, direction, friction, prestress, area, strength, EA
         Of this rank's links, as of `Structure`; the parts of a contact with friction stay on one rank.
     fixed, prescribed, load, mass
         Of this rank's nodes, as of `Structure`.
@@ -97,13 +97,14 @@ class LocalStructure(Structure):
     @staticmethod
     def _same(comm, given, nodes):
         """Refuse dimensions, and optional arrays, that not all ranks have."""
-        mine = np.array([nodes.shape[1], *(given[name] is not None for name in ARRAYS)])
+        optional = (*ARRAYS, *INSTEAD)
+        mine = np.array([nodes.shape[1], *(given[name] is not None for name in optional)])
         most, least = np.empty_like(mine), np.empty_like(mine)
         comm.Allreduce(mine, most, op=MPI.MAX)
         comm.Allreduce(mine, least, op=MPI.MIN)
         if most[0] != least[0]:
             raise ValueError(f"nodes have {least[0]} coordinates on one rank and {most[0]} on another")
-        for name, high, low in zip(ARRAYS, most[1:], least[1:]):
+        for name, high, low in zip(optional, most[1:], least[1:]):
             if high != low:
                 raise ValueError(f"{name} is given on some ranks and not on others: give it on all, or on none")
 
@@ -154,7 +155,7 @@ class LocalStructure(Structure):
         """Refuse: pictures are of whole structures. Draw ``solve().gather()``, or write ``.pvtu`` for ParaView."""
         raise ValueError("a part of a structure is not drawn: draw the gathered result, or write it as .pvtu")
 
-    free_motion = plot
+    free_motion = interactive = plot
 
 
 class Agreed:

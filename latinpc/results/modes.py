@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc import errors, solvers
+from latinpc.arrays import Slices
 from latinpc.laws import RIGID
 from latinpc.options import default_options
 
@@ -213,13 +214,18 @@ def modes(
     ImportError
         Without SLEPc; the message says what to install.
     ValueError
-        Without masses, or without loads; of a result whose structure has changed since, other than in loads and masses.
+        Without masses, or without loads; of a result whose structure has changed since, other than in loads and masses;
+        of what no rank has whole, and of the arrays that were gathered from it.
     latinpc.SolveError
         For rigid links, and for the factors of a state that is not stable.
     """
     _slepc()
     drawn = not hasattr(state, "structure")
     structure = state if drawn else state.structure
+    if not isinstance(getattr(structure, "_slices", None), Slices):
+        raise ValueError(
+            "modes need a latinpc.Structure, whole on every rank: make one of the arrays that gather() gives"
+        )
     if number < 1:
         raise ValueError(f"at least one mode is asked for, not {number}")
     rigid = [law for law in RIGID if (structure.law == law).any()]
