@@ -10,7 +10,7 @@ import numpy as np
 from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "COPIED", "INSTEAD", "Checks", "checked", "checked_shapes"]
+__all__ = ["ARRAYS", "COPIED", "INSTEAD", "Checks", "checked", "checked_name", "checked_shapes"]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
@@ -20,6 +20,12 @@ ARRAYS = (
 COPIED = ARRAYS[:-2]  #: those of which the library has a copy
 INSTEAD = ("EA", "prestress")  #: in place of stiffness and initial_elongation
 _LINKS_AT_ONCE = 8192  # their vectors in 3D take 200 kB
+
+
+def checked_name(name: Any) -> None:
+    """Refuse what is no name."""
+    if not isinstance(name, str):
+        raise ValueError(f"name must be a string, not {name!r:.40}")
 
 
 def checked_shapes(given: Mapping[str, Any], dtype=REAL, least: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +47,7 @@ def checked(
     Parameters
     ----------
     given : mapping
-        `ARRAYS` by name, and `INSTEAD` where they may be given, as `latinpc.Structure` takes them.
+        A name, `ARRAYS` by name, and `INSTEAD` where they may be given, as `latinpc.Structure` takes them.
     laws : sequence of str
         Names of the known laws, by number.
     dtype : numpy.dtype
@@ -54,6 +60,7 @@ def checked(
     dict
         Whole arrays by name; an array of `given` that has its type already is not copied.
     """
+    checked_name(given["name"])
     nodes, links = checked_shapes(given, dtype, 1 if around is None else 0)
     checks = Checks(nodes.shape, len(links), dtype)
     ends = around or (nodes, links)

@@ -177,8 +177,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         EA: ArrayLike | None = None,
     ):
         given = locals()
-        given = {array: given[array] for array in (*ARRAYS, *INSTEAD)}
-        self._make(given, comm, name, geometry)
+        given = {array: given[array] for array in ("name", *ARRAYS, *INSTEAD)}
+        self._make(given, comm, geometry)
         for array in ARRAYS:  # what the caller does to theirs is not done to ours
             if given[array] is not None and np.may_share_memory(getattr(self, array), np.asarray(given[array])):
                 self._keep(array, getattr(self, array).copy())
@@ -199,22 +199,22 @@ class Structure(Geometry, Equations, Actions, Plots):
         -------
         Structure
         """
-        given = {name: getattr(scene, name) for name in ARRAYS}
+        given = {name: getattr(scene, name) for name in ("name", *ARRAYS)}
         given["law"] = registered(scene)
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
-        structure._make(given, comm, scene.name, scene.geometry)
+        structure._make(given, comm, scene.geometry)
         structure.notices = structure._doubles() if "file" in scene.metadata else []  # generators mean what they do
         return structure
 
-    def _make(self, given, comm, name, geometry):
+    def _make(self, given, comm, geometry):
         """Check the arrays, keep them, and distribute them."""
         self.comm = communicator(comm)
         arrays = self._checked(given)
         arrays["stiffness"] = own_stiffness(arrays["law"], arrays["stiffness"])
         for array, values in arrays.items():
             self._keep(array, values)
-        self.name = name
+        self.name = given["name"]
         self._handle = handle = _latin.StructureHandle()
         mine = self._slices.mine
         handle.create(

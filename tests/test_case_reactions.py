@@ -68,6 +68,14 @@ def test_reactions_of_cases_with_contacts_that_keep_their_normal():
     assert found.reactions[:, 0] == pytest.approx(np.array([[-5.0, 0.0], [-7.0, 0.0]]), abs=1e-5)
 
 
+def test_reactions_are_those_of_what_was_solved():
+    """They are computed when they are asked for, from what acted then: the scene and the case may have changed."""
+    scene, case = row(load=np.array([[0.5], [0.0], [0.0]])), Case("load", load=[[0.0], [1.0], [0.0]])
+    found = solve_cases(scene, [case])
+    scene.load[0] = case.load[0] = 100.0
+    assert found.reactions.ravel() == pytest.approx([-0.9, 0.0, -0.6])
+
+
 def test_reactions_of_cases_that_have_not_converged_are_in_no_envelope(tmp_path):
     scene = row(fixed=(True, False, False), law="cable")
     found = solve_cases(scene, [Case("push", [[0], [0.0], [-2.0]]), Case("pull", [[0], [0.0], [2.0]])])

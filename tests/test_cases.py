@@ -95,6 +95,15 @@ def test_cases_are_a_vector_space():
         a * "2"
 
 
+def test_a_case_has_arrays_of_its_own():
+    """One array may be filled anew for each case."""
+    load, cases = np.zeros((3, 1)), []
+    for force in (1.0, 2.0):
+        load[1] = force
+        cases.append(Case(f"{force:g} N", load=load))
+    assert [case.load[1, 0] for case in cases] == [1.0, 2.0]
+
+
 def test_results_of_bars_combine_as_their_actions_do():
     """Linear: 1.35 a + 1.5 b has 1.35 times the response to a plus 1.5 times that to b, and takes no iteration more."""
     scene = make("truss-grid", modules=8, subdomains=4)
@@ -326,6 +335,8 @@ def test_wrong_cases_are_named():
     scene = row()
     with pytest.raises(ValueError, match=r"row has no load case to solve: write \[\[case\]\]"):
         solve_cases(scene)
+    with pytest.raises(ValueError, match="name must be a string, not 1"):
+        Case(1)
     with pytest.raises(ValueError, match=r"case 'a': load must have the shape \(3, 1\), not \(2, 1\)"):
         solve_cases(scene, [Case("a", load=np.zeros((2, 1)))])
     with pytest.raises(

@@ -311,6 +311,19 @@ def test_a_part_is_not_drawn_and_scenes_that_are_whole_are_named():
         result.to_vtu("results.vtu")
 
 
+def test_a_result_is_that_of_what_was_solved():
+    """What changes in the structure afterwards changes neither the reactions nor the gathered result."""
+    s = latinpc.LocalStructure([[0.0, 0.0], [1.0, 0.0]], [[0, 1]], "bar", 1.0, fixed=[[1, 1], [0, 1]])
+    result = s.solve()
+    s.set_initial_elongation(0.25)
+    s.set_prescribed([[0.0, 0.0], [0.0, 0.5]])
+    s.set_geometry("large")
+    assert not result.reactions().any()
+    whole = result.gather()
+    assert whole.geometry == "linear" and not whole.structure.initial_elongation.any()
+    assert not whole.structure.prescribed.any()
+
+
 def test_what_the_caller_does_to_links_is_not_done_to_ours():
     """A structure has arrays of its own, and its halo reads them."""
     links = np.array([[0, 2], [1, 2]])

@@ -239,6 +239,14 @@ def test_bad_arrays_are_refused_by_name(changes, message):
         frame(**changes)
 
 
+@pytest.mark.parametrize("name", [5, None])
+def test_a_name_is_a_string(name):
+    with pytest.raises(ValueError, match=f"name must be a string, not {name}"):
+        frame(name=name)
+    with pytest.raises(ValueError, match=f"name must be a string, not {name}"):
+        latinpc.scenes.Scene(name, [[0.0], [1.0]], [[0, 1]], "bar", 1.0)
+
+
 def test_questions_about_links_need_links():
     pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
     pc.setType("latin")

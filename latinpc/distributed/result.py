@@ -49,6 +49,11 @@ class LocalResult(Reported):
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read, the same on every rank
 
+    def __post_init__(self):
+        #: How displacements turned links, ``"linear"``, ``"prestress"`` or ``"large"``.
+        self.geometry: str = self.structure.geometry
+        self._acted = {name: getattr(self.structure, name) for name in ("prescribed", "initial_elongation")}
+
     def reactions(self) -> np.ndarray:
         """Return the forces of the supports on this rank's nodes (N), zero where nothing is fixed; collective.
 
@@ -59,7 +64,7 @@ class LocalResult(Reported):
         (n, dim) array
         """
         structure, halo = self.structure, self.structure.halo
-        if structure.geometry != "linear":
+        if self.geometry != "linear":
             raise ValueError("reactions of structures whose links turn: take those of the gathered result")
         pull = self.tensions[:, None] * structure.directions
         links, forces = halo.links, np.zeros((halo.own + len(halo.ghosts), structure.dim))
@@ -91,12 +96,12 @@ class LocalResult(Reported):
         comm, structure = self.structure.comm.tompi4py(), self.structure
         if root is not None and root not in range(comm.size):
             raise ValueError(f"root {root} is none of the ranks 0 to {comm.size - 1}: without it all get the whole")
-        arrays = {name: _whole(comm, getattr(structure, name), root) for name in ARRAYS}
+        arrays = {name: _whole(comm, self._acted.get(name, getattr(structure, name)), root) for name in ARRAYS}
         names = ("displacements", "tensions", "load", "subdomain", "node_class")
         found = {name: _whole(comm, getattr(self, name), root) for name in names}
         if root not in (None, comm.rank):
             return None
-        whole = _Whole(structure.name, structure.geometry, structure.sizes, structure.comm, arrays)
+        whole = _Whole(structure.name, self.geometry, structure.sizes, structure.comm, arrays)
         return Result(whole, report=dict(self.report), history=self.history, notices=list(self.notices), **found)
 
     def __repr__(self) -> str:

@@ -55,11 +55,11 @@ def _part(result):
         load=spread(result.load),
         direction=structure.direction,
         directions=structure.directions,
-        geometry=structure.geometry,
+        geometry=result.geometry,
     )
     of_nodes = None if result.node_class is None else spread(result.node_class)
     more = {"loose": result.slack}
-    if structure.geometry == "linear":
+    if result.geometry == "linear":
         more["reactions"] = spread(result.reactions())
     return (scene, spread(result.displacements), result.tensions, result.subdomain, of_nodes), more
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
-from latinpc.scenes.case import Case
+from latinpc.scenes.case import PARTS, Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
@@ -55,7 +55,7 @@ class Cases:
     ``print(cases)`` gives a table and the extremes.
     """
 
-    scene: Scene
+    scene: Scene  #: what acted in every case
     names: list[str]
     report: dict[str, Any]  #: JSON-able, with the keys that `solve_cases` lists
     displacements: np.ndarray  #: (cases, n, dim), m
@@ -265,7 +265,8 @@ def solve_cases(
             series.snes.destroy()
     notices += series.notices
     found = series.displacements, series.tensions, series.slack
-    result = Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
+    kept = replace(scene, **{name: getattr(scene, name).copy() for name in PARTS}), [replace(case) for case in cases]
+    result = Cases(kept[0], names, plain(report), *found, notices, kept[1], structure.geometry)
     notices += too_far(result) + free(result)
     for notice in notices:
         warn(structure.comm, notice)

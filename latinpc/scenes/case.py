@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from latinpc.arrays import real
-from latinpc.checks import Checks
+from latinpc.checks import Checks, checked_name
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -45,9 +45,10 @@ class Case:
     part: bool = False
 
     def __post_init__(self):
-        for name in PARTS:  # lists would be joined, not added
+        checked_name(self.name)
+        for name in PARTS:  # lists would be joined, not added; what the caller does to theirs is not done to ours
             if getattr(self, name) is not None:
-                setattr(self, name, real(f"case '{self.name}': {name}", getattr(self, name), float))
+                setattr(self, name, np.array(real(f"case '{self.name}': {name}", getattr(self, name), float)))
 
     def __mul__(self, factor: float) -> Case:
         """Return the case with all its actions multiplied by a number."""

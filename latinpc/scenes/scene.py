@@ -103,7 +103,8 @@ class Scene(Geometry, Plots):
     def __post_init__(self):
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
         laws = [law.name.lower() for law in Law] + [f"table {i}" for i in range(len(self.tables))]
-        for name, values in checked({name: getattr(self, name) for name in ARRAYS}, laws, np.dtype(float)).items():
+        given = {name: getattr(self, name) for name in ("name", *ARRAYS)}
+        for name, values in checked(given, laws, np.dtype(float)).items():
             setattr(self, name, None if values is None else np.require(values, requirements=("C", "W")))
         if self.velocity is not None:
             self.velocity = np.array(shaped("velocity", self.velocity, self.nodes.shape, float, "a row per node"))
