@@ -403,7 +403,8 @@ class Structure(Geometry, Equations, Actions, Plots):
             file of the folder options, without its suffix.
         options : mapping, optional
             PETSc options by name, as ``{"snes_latin_subdomains": 16, "snes_monitor": None}``; they come before the
-            preset, and what stands in PETSc's own database (``PETSC_OPTIONS``) before both.
+            preset, and what stands in PETSc's own database (``PETSC_OPTIONS``) before both. A geometry among them is
+            that of this solve and of its result.
         raise_on_failure : bool
             Raise an error, not a warning, where the solve does not converge.
 

@@ -322,3 +322,25 @@ def test_events_go_back_and_meet_their_time(geometry):
         other.setTimeStep(h)
         move(other, w, step + 1)
     assert found == pytest.approx(w.getArray(), rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:links turn")
+def test_a_geometry_among_the_options_is_that_of_one_solve():
+    """The result keeps it, the structure does not."""
+
+    def frame(**more):
+        return latinpc.Structure(
+            [[-1, 0], [1, 0], [0, -0.1]], [[0, 2], [1, 2]], "bar", 1e3, fixed=[[1, 1], [1, 1], [0, 0]],
+            load=[[0, 0], [0, 0], [0, -20.0]], mass=1.0, comm=PETSc.COMM_SELF, **more,
+        )  # fmt: skip
+
+    structure, other = frame(), frame(geometry="large").solve()
+    small, large = structure.solve(), structure.solve(options={"snes_latin_geometry": "large"})
+    assert structure.geometry == small.geometry == "linear" and large.geometry == "large"
+    assert np.array_equal(structure.solve().displacements, small.displacements)
+    assert large.tangent().norm() == pytest.approx(other.tangent().norm())
+    assert large.modes(2).values == pytest.approx(other.modes(2).values)
+    assert len(large.modes(buckling=True)) == len(other.modes(buckling=True)) and structure.geometry == "linear"
+    with pytest.raises(latinpc.SolveError):
+        structure.solve(options={"snes_latin_geometry": "large", "snes_latin_stop": "energy"})
+    assert structure.geometry == "linear"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -234,12 +235,11 @@ def modes(
             f"modes need the tangent stiffness, which links of the rigid law {rigid[0].name.lower()} do not have: take"
             " cable or compression_only with a large stiffness"
         )
-    if not drawn:
-        state.check_state()
     displacements = np.array(structure.prescribed) if drawn else state.displacements
     problem = _Problem(structure, displacements)
     try:
-        with default_options({str(k).removeprefix("-"): v for k, v in (options or {}).items()} | INERTIA):
+        settings = {str(k).removeprefix("-"): v for k, v in (options or {}).items()} | INERTIA
+        with contextlib.nullcontext() if drawn else state.as_solved(), default_options(settings):
             if buckling:
                 base = 0.0 if drawn or load is not None else 1.0
                 given = load if load is not None else structure.load if drawn else state.load

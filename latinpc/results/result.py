@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -52,21 +53,29 @@ class Result(Reported):
         self.geometry: str = getattr(self.structure, "geometry", "linear")
         self._acted = {name: getattr(self.structure, name) for name in ("prescribed", "initial_elongation")}
 
-    def check_state(self) -> None:
-        """Refuse where the structure is no longer what was solved: it has no tangent at these displacements.
+    @contextlib.contextmanager
+    def as_solved(self) -> Iterator[None]:
+        """Give the structure the geometry that it was solved with, its own again afterwards; collective.
 
         Raises
         ------
         ValueError
-            Naming what has changed since, other than loads and masses.
+            Naming what has changed since, other than loads and masses: there is no tangent at these displacements.
         """
-        now = self.structure
-        changed = ["geometry"] * (now.geometry != self.geometry)
-        changed += [name for name, was in self._acted.items() if not np.array_equal(getattr(now, name), was)]
+        now, geometry = self.structure, self.structure.geometry
+        changed = [name for name, was in self._acted.items() if not np.array_equal(getattr(now, name), was)]
         if changed:
             words = {"prescribed": "prescribed displacement", "initial_elongation": "initial elongation"}
             named = " and ".join(words.get(name, name) for name in changed)
             raise ValueError(f"{named} of the structure changed after this result was found: solve again")
+        if geometry == self.geometry:
+            yield
+            return
+        now.set_geometry(self.geometry)
+        try:
+            yield
+        finally:
+            now.set_geometry(geometry)
 
     @cached_property
     def slack(self) -> np.ndarray:
@@ -250,7 +259,7 @@ class Result(Reported):
 
         Of solves that ended because displacements grow without end; None of others, and where none is found.
         """
-        if not self.report["reason"].startswith("DIVERGED_DTOL"):
+        if not self.report["reason"].startswith("DIVERGED_DTOL") or self.geometry != "linear":
             return None
         from .mechanism import bearing, free_motion
 
@@ -264,8 +273,8 @@ class Result(Reported):
         """
         from .modes import tangent
 
-        self.check_state()
-        return tangent(self.structure, self.displacements)
+        with self.as_solved():
+            return tangent(self.structure, self.displacements)
 
     def modes(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -45,7 +46,7 @@ def solve(
     stops = ("snes_latin_stop", "snes_stol") if asked else ()  # in their place
     settings = {} if preset is None else preset_options(preset)
     settings = {name: value for name, value in settings.items() if name not in stops} | given
-    with default_options(settings) as ours:
+    with _own_geometry(structure, settings), default_options(settings) as ours:
         snes, u = PETSc.SNES().create(comm), structure.create_vec()
         try:
             structure.attach(snes)
@@ -64,7 +65,7 @@ def solve(
             snes.destroy()
             u.destroy()
         result.notices += [*stray, *unread(comm, [name for name in ours if name in given])]
-    result.notices += magnitudes(result) if found is None else []
+        result.notices += magnitudes(result) if found is None else []
     for notice in result.notices:
         warn(comm, notice)
     if not result.converged:
@@ -75,6 +76,17 @@ def solve(
             raise failure
         warn(comm, text, ConvergenceWarning)
     return result
+
+
+@contextlib.contextmanager
+def _own_geometry(structure, settings):
+    """Give a structure its geometry back after a solve whose options choose another; collective."""
+    geometry = structure.geometry
+    try:
+        yield
+    finally:
+        if "snes_latin_geometry" in settings:
+            structure.set_geometry(geometry)
 
 
 def idle(snes: PETSc.SNES) -> list[str]:
