@@ -265,6 +265,13 @@ class Structure(Geometry, Equations, Actions, Plots):
             raise AttributeError(f"the {name} of a structure cannot be assigned, its solvers would not see it: {other}")
         object.__setattr__(self, name, value)
 
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Refuse copies and pickles, which would share or lose what the library has."""
+        raise TypeError(
+            "a structure is not copied or pickled, its solvers have its arrays: make another of the same arrays, as by"
+            " Structure.from_scene(latinpc.scenes.Scene.from_structure(structure))"
+        )
+
     def __repr__(self) -> str:
         s = self.sizes
         return f"<Structure: {s.links} links, {s.nodes} nodes, {s.free_dofs} free dofs in {s.dim}D>"

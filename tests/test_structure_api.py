@@ -1,5 +1,7 @@
 """Links from numpy arrays and back: numbering, ranks, mechanics, refusals."""
 
+import copy
+import pickle
 import sys
 from pathlib import Path
 
@@ -237,6 +239,18 @@ REFUSED = [
 def test_bad_arrays_are_refused_by_name(changes, message):
     with pytest.raises(ValueError, match=message):
         frame(**changes)
+
+
+@pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_structure_is_not_copied(how):
+    """A copy had shared what the library has: loads of the one were those of the other."""
+    structure = frame()
+    for thing in (structure, {"of a result": structure}) if how is not copy.copy else (structure,):
+        with pytest.raises(TypeError, match=r"not copied or pickled.*: make another .* Structure.from_scene"):
+            how(thing)
+    another = latinpc.Structure.from_scene(latinpc.scenes.Scene.from_structure(structure), PETSc.COMM_SELF)
+    another.set_load(2.0 * structure.load)
+    assert np.array_equal(another.solve().load, 2.0 * structure.solve().load)
 
 
 @pytest.mark.parametrize("name", [5, None])
