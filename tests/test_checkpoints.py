@@ -13,6 +13,9 @@ import pytest
 from conftest import environment, run
 from support import STATES
 
+import latinpc
+from latinpc.runs.checkpoint import Keeper
+
 LONG = {
     "ramp": ["tensegrity-grid", "--modules", 8, "--subdomains", 4, "--increments", 60],
     "motion": ["impact-grid", "--modules", 8, "--num-steps", 200],
@@ -153,3 +156,13 @@ def test_a_table_with_other_points_is_another_structure(tmp_path):
     changed = solve(7.0, "--restart", "state")
     assert changed.returncode == 2
     assert "another structure" in " ".join(changed.stderr.split())
+
+
+@pytest.mark.parametrize("note", [b"", b"[1]", b"{}", b"\xff", b'{"about": 1, "number": 2, "past": {}}'])
+def test_states_of_other_programs_are_no_checkpoints(note, tmp_path):
+    structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]], load=[[0], [1e-3]])
+    snes, u, path = structure.create_snes(), structure.create_vec(), tmp_path / "state"
+    snes.solve(None, u)
+    latinpc.save_state(snes, path, u, note)
+    with pytest.raises(ValueError, match="state is not a checkpoint of latinpc solve"):
+        Keeper(structure.comm.tompi4py(), restart=path).resume(snes, u)

@@ -73,7 +73,7 @@ class Keeper:
         """
         if self._restart is None:
             return 0, {}
-        note = json.loads(solvers.load_state(solver, self._restart, u))
+        note = _note(solvers.load_state(solver, self._restart, u), self._restart)
         for key, value in self._about.items():
             if note["about"].get(key) != value:
                 raise ValueError(f"{self._restart} is the state of another run: {key} differs; give what the run had")
@@ -141,6 +141,15 @@ class Keeper:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def _note(data, path):
+    """Read the note of a state, which another program may have written."""
+    with contextlib.suppress(ValueError, TypeError, KeyError):
+        note = json.loads(data)
+        if [type(note[key]) for key in ("about", "number", "past")] == [dict, int, dict]:
+            return note
+    raise ValueError(f"{path} is not a checkpoint of latinpc solve")
 
 
 def digest(scene):
