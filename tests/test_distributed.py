@@ -1,6 +1,7 @@
 """Structures of which each rank gives its part: the same solution as the whole, errors named on every rank, files."""
 
 import json
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
@@ -322,6 +323,17 @@ def test_a_result_is_that_of_what_was_solved():
     whole = result.gather()
     assert whole.geometry == "linear" and not whole.structure.initial_elongation.any()
     assert not whole.structure.prescribed.any()
+
+
+def test_pieces_are_beside_what_the_name_of_an_index_leads_to(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "bridge.pvtu").write_text("")
+    (tmp_path / "link.pvtu").symlink_to(tmp_path / "far" / "bridge.pvtu")
+    s = latinpc.LocalStructure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]])
+    s.solve().to_vtu(tmp_path / "link.pvtu")
+    (piece,) = ElementTree.parse(tmp_path / "link.pvtu").getroot().findall("PUnstructuredGrid/Piece")
+    assert meshio.read(tmp_path / "far" / piece.get("Source")).points.shape == (2, 3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["far", "link.pvtu"]
 
 
 def test_what_the_caller_does_to_links_is_not_done_to_ours():

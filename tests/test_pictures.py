@@ -21,6 +21,7 @@ from latinpc.results.film import draw_motion
 from latinpc.results.look import SLACK_COLOUR, Scale
 from latinpc.results.mechanism import free_motion
 from latinpc.results.units import counted, number, quantity, scaled, share
+from latinpc.runs.motion import move
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
@@ -353,3 +354,19 @@ def test_a_film_shows_supports_masses_and_scales(tmp_path, monkeypatch):
         assert all(word in text for text in texts), word
     limits = {(figure.axes[-1].get_ylim()) for figure in figures}
     assert len(limits) == 1  # one scale for all frames
+
+
+@pytest.mark.filterwarnings("ignore:nodes move", "ignore:not converged")
+def test_names_with_dollars_are_drawn_as_they_are(tmp_path):
+    """They are no formulas."""
+    name = r"cost $\no such$ 5"
+    scene = latinpc.scenes.Scene(
+        name, [[0.0, 0.0], [1.0, 0.0]], [[0, 1]], "bar", 1e3, fixed=[[1, 1], [0, 1]], load=[[0, 0], [1.0, 0]],
+        mass=[1.0, 1.0], time_step=1e-3,
+    )  # fmt: skip
+    case = latinpc.Case(r"$\no$", load=[[0, 0], [1.0, 0]])
+    modes = latinpc.modes(latinpc.Structure.from_scene(scene), 1)
+    for thing in (scene, scene.solve(), latinpc.solve_cases(scene, [case], {"snes_max_it": 0}), modes):
+        thing.plot().savefig(tmp_path / "a.png")
+    modes.animate(tmp_path / "a.gif")
+    draw_motion(move(scene, 1), tmp_path / "a.gif")

@@ -5,6 +5,7 @@ import socket
 import stat
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from petsc4py import PETSc
@@ -336,6 +337,7 @@ def test_what_a_killed_run_has_left_goes_with_the_next_state(file, tmp_path):
 FULL = """
 import os, resource, sys
 from pathlib import Path
+from xml.etree import ElementTree
 sys.path.insert(0, sys.argv[1])
 import petsc4py
 petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
@@ -357,6 +359,25 @@ for name, call in every_kind().items():
         assert everything() == good, (name, room)
     call(name)
 """
+
+
+def test_an_index_of_frames_is_xml_and_forgets_former_frames(tmp_path):
+    """Whatever its name; frames of another series and other files stay."""
+    from latinpc.results.vtk import write_pvd
+    from latinpc.runs.motion import move
+    from latinpc.scenes import make
+
+    path, folder = tmp_path / "a&b.pvd", tmp_path / "a&b"
+    for steps in (4, 2):
+        write_pvd(path, move(make("bouncing-chain"), steps, comm=PETSc.COMM_SELF))
+        named = [entry.get("file") for entry in ElementTree.parse(path).getroot().findall("Collection/DataSet")]
+        assert named == [f"a&b/{step:06d}.vtu" for step in range(steps + 1)]
+        assert sorted(file.name for file in folder.glob("0*.vtu")) == [name[4:] for name in named]
+        for other in ("000009.vtu", "mine.vtu"):
+            (folder / other).write_text("")
+        path.write_text(path.read_text().replace("</Collection>", '<DataSet file="a&amp;b/mine.vtu"/></Collection>'))
+        folder.joinpath("000009.vtu").rename(folder / "x9.vtu")
+    assert (folder / "mine.vtu").exists() and (folder / "x9.vtu").exists()
 
 
 def every_kind():

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from latinpc.results.atomic import atomic
+from latinpc.results.atomic import atomic, follow
 from latinpc.results.vtk import write_vtu
 
 __all__ = ["write_pvtu"]
@@ -17,8 +17,8 @@ __all__ = ["write_pvtu"]
 def write_pvtu(path, result):
     """Write a solved structure for ParaView; collective.
 
-    Each rank writes its links and their nodes, those of other ranks too, into a folder beside the index. The index
-    is written last. Ghost nodes stand in the files of several ranks; links in one.
+    Each rank writes its links and their nodes, those of other ranks too, into a folder beside the index, or beside
+    what its name leads to. The index is written last. Ghost nodes stand in the files of several ranks; links in one.
 
     Parameters
     ----------
@@ -32,10 +32,11 @@ def write_pvtu(path, result):
         On every rank, where one cannot write.
     """
     path, comm = pathlib.Path(path), result.structure.comm.tompi4py()
-    folder = path.with_suffix("")
     if path.suffix.lower() != ".pvtu":
         raise ValueError(f"{path}: results of several ranks are written as .pvtu")
     part = _part(result)
+    _each(comm, lambda: follow(path))
+    folder = pathlib.Path(follow(path)[0]).parent / path.stem
     _each(comm, lambda: comm.rank == 0 and folder.mkdir(exist_ok=True))
     name = f"{folder.name}/{comm.rank:05d}.vtu"
     _each(comm, lambda: write_vtu(folder.parent / name, *part[0], **part[1]))

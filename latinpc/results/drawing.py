@@ -151,7 +151,7 @@ def stamp(figure, word, reason=""):
     style = {"color": STAMP_COLOUR, "alpha": 0.28, "weight": "bold", "rotation": 22.0, "ha": "center", "va": "center"}
     figure.text(0.40, 0.47, word, fontsize=40.0 if len(word) > 14 else 56.0, zorder=20, **style)
     if reason:
-        figure.text(0.02, 0.915, reason, fontsize=10, color=STAMP_COLOUR)
+        figure.text(0.02, 0.915, reason, fontsize=10, color=STAMP_COLOUR, parse_math=False)
 
 
 def colour_bar(figure, rectangle, colours, low, high, label):

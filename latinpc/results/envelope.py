@@ -141,7 +141,8 @@ def _bad(cases):
 def _titles(figure, cases, good):
     """Write the name of the scene, and how many cases it is the envelope of."""
     title = f"{cases.scene.name}: envelope of {counted(good, 'load case')}"
-    figure.text(0.02, 0.945, title, fontsize=14, weight="bold")
+    figure.text(0.02, 0.945, title, fontsize=14, weight="bold", parse_math=False)
     bad = _bad(cases)
     if bad:
-        figure.text(0.02, 0.905, f"not converged, left out: {', '.join(bad)}", fontsize=10, color=STAMP_COLOUR)
+        text = f"not converged, left out: {', '.join(bad)}"
+        figure.text(0.02, 0.905, text, fontsize=10, color=STAMP_COLOUR, parse_math=False)

@@ -89,7 +89,7 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
         keys.append(Line2D([], [], marker="o", color=MASS_COLOUR, markersize=7, linestyle="none", label=text))
     force_bar(figure, [0.80, 0.52, 0.018, 0.36], scale)
     figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.73, 0.48), fontsize=8, frameon=False)
-    figure.text(0.02, 0.945, scene.name, fontsize=11, weight="bold")
+    figure.text(0.02, 0.945, scene.name, fontsize=11, weight="bold", parse_math=False)
     figure.text(
         0.98, 0.945, f"t = {quantity(frame.time, 's', 4)}, drawn × {number(amplification)}", fontsize=10, ha="right"
     )

@@ -35,7 +35,8 @@ def modes_figure(modes, count=None):
     figure = new_figure(4.2 * max(columns, 1), 0.5 + 3.2 * max(rows, 1))
     top = 1.0 - 0.45 / figure.get_size_inches()[1]
     kind = "buckling" if modes.buckling else "vibration"
-    figure.text(0.02, 1.0 - 0.3 / figure.get_size_inches()[1], f"{modes.structure.name}: modes of {kind}", fontsize=13)
+    title, top = f"{modes.structure.name}: modes of {kind}", 1.0 - 0.3 / figure.get_size_inches()[1]
+    figure.text(0.02, top, title, fontsize=13, parse_math=False)
     width, height = 1.0 / max(columns, 1), top / max(rows, 1)
     for mode in range(count):
         left, bottom = mode % columns * width, top - (mode // columns + 1) * height
@@ -60,7 +61,8 @@ def animate_mode(modes, path, mode=0):
         figure = new_figure(6.4, 4.8)
         figure.set_dpi(100)
         _panel(figure, [0.04, 0.03, 0.92, 0.88], modes, mode, np.sin(phase))
-        figure.text(0.02, 0.95, f"{modes.structure.name}, mode {mode + 1}: {modes.label(mode)}", fontsize=10)
+        title = f"{modes.structure.name}, mode {mode + 1}: {modes.label(mode)}"
+        figure.text(0.02, 0.95, title, fontsize=10, parse_math=False)
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(128))
     with atomic(path) as temporary:

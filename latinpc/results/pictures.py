@@ -204,7 +204,7 @@ class Sketch:
 
     def numbers(self):
         """Write the numbers of nodes and links."""
-        style = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 8, "clip_on": False}
+        style = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 8, "clip_on": False, "parse_math": False}
         box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
         links = self._seen if self.scene.links_named else []  # names of two nodes are too long
         for link, place in zip(links, self.shape[self.ends].mean(axis=1)):
@@ -235,7 +235,7 @@ class Sketch:
 
     def title(self, text):
         """Write the name of the structure, and what is drawn."""
-        self.figure.text(0.02, 0.955, self.scene.name, fontsize=14, weight="bold")
+        self.figure.text(0.02, 0.955, self.scene.name, fontsize=14, weight="bold", parse_math=False)
         count = len(self.ends)
         links = counted(count, "link") if count == self._count else f"{count:,} of {self._count:,} links drawn"
         self.figure.text(0.98, 0.958, f"{links} · {text}", fontsize=10, ha="right")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
+import re
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -104,20 +107,32 @@ def write_pvd(path, motion):
     Parameters
     ----------
     path : str or path-like
-        A ``.pvd`` file; it is replaced only once all is written.
+        A ``.pvd`` file; it is replaced only once all is written. Then frames go that the former one alone has named.
     motion : latinpc.runs.motion.Motion
         With its frames.
     """
     folder = frames_folder(path)
     folder.mkdir(exist_ok=True)
-    entries = []
+    root, names = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian"), set()
+    frames = ElementTree.SubElement(root, "Collection")
     for frame in motion.frames:
         name = f"{folder.name}/{frame.step:06d}.vtu"
         arrays = (frame.displacements, frame.tensions, motion.subdomain, motion.node_class, frame.velocities)
         write_vtu(folder.parent / name, motion.scene, *arrays)
-        entries.append(f'    <DataSet timestep="{frame.time!r}" part="0" file="{name}"/>\n')
+        ElementTree.SubElement(frames, "DataSet", timestep=repr(frame.time), part="0", file=name)
+        names.add(name)
+    former = _frames(path, folder) - names
+    ElementTree.indent(root)
     with atomic(path) as temporary:
-        pathlib.Path(temporary).write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-            f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n"
-        )
+        ElementTree.ElementTree(root).write(temporary, xml_declaration=True, encoding="utf-8")
+    for name in former:
+        (folder.parent / name).unlink(missing_ok=True)
+
+
+def _frames(path, folder):
+    """Return the files in a folder that an index names, none where there is no index yet."""
+    with contextlib.suppress(OSError, ElementTree.ParseError):
+        index = follow(path)[0]
+        names = {entry.get("file", "") for entry in ElementTree.parse(index).iter("DataSet")}
+        return {name for name in names if re.fullmatch(rf"{re.escape(folder.name)}/\d+\.vtu", name)}
+    return set()
