@@ -344,3 +344,17 @@ def test_a_geometry_among_the_options_is_that_of_one_solve():
     with pytest.raises(latinpc.SolveError):
         structure.solve(options={"snes_latin_geometry": "large", "snes_latin_stop": "energy"})
     assert structure.geometry == "linear"
+
+
+def test_a_path_that_ends_leaves_the_loads_as_they_were(monkeypatch):
+    """Also where what is asked of its last equilibrium fails."""
+    structure = latinpc.Structure(
+        [[-1, 0], [1, 0], [0, 0.1]], [[0, 2], [1, 2]], "bar", 1e3, fixed=[[1, 1], [1, 1], [0, 1]],
+        prescribed=[[0, 0], [0, 0], [0, 0.01]], load=[[0, 0], [0, 0], [1e3, 0]], geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    load, prescribed = structure.load, structure.prescribed
+    monkeypatch.setattr("latinpc.results.limit.solvers.path", lambda snes: {"borne": 0.5, "branch": False})
+    monkeypatch.setattr("latinpc.results.solve.softest", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        structure.solve(options={"snes_max_it": 0})
+    assert np.array_equal(structure.load, load) and np.array_equal(structure.prescribed, prescribed)

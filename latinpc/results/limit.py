@@ -78,10 +78,12 @@ def bearing(snes: PETSc.SNES, structure: Structure | LocalStructure, factor: flo
     if ends:
         structure.set_load(factor * load)
         structure.set_prescribed(factor * prescribed)
-    yield ends
-    if ends:
-        structure.set_load(load)
-        structure.set_prescribed(prescribed)
+    try:
+        yield ends
+    finally:
+        if ends:
+            structure.set_load(load)
+            structure.set_prescribed(prescribed)
 
 
 def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: bool) -> tuple[np.ndarray | None, str]:
