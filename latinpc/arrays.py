@@ -128,6 +128,8 @@ def native(values, dtype=REAL):
 
 def _array(name, values):
     """Make an array of what has its shape."""
+    if np.ma.is_masked(values):
+        raise ValueError(f"{name} has masked entries, which have no value: fill them")
     try:
         return np.asarray(values)
     except ValueError:

@@ -5,6 +5,8 @@ Every rank of the solver calls them with the same values. They count from the ne
 
 from __future__ import annotations
 
+import operator
+
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
@@ -83,7 +85,11 @@ def set_subdomains(solver: Solver, subdomains: int) -> None:
     subdomains : int
         Of a structure, or into which the pieces of a MATIS are merged. 0: automatic.
     """
-    _latin.set_subdomains(solver, subdomains)
+    try:
+        count = operator.index(subdomains)
+    except TypeError:
+        raise ValueError(f"subdomains must be an integer, not {subdomains!r}") from None
+    _latin.set_subdomains(solver, count)
 
 
 def set_variant(solver: Solver, variant: str) -> None:

@@ -329,6 +329,9 @@ def test_solved_cases_print_draw_and_write_themselves(tmp_path):
 def test_misspelt_options_of_cases_are_refused():
     with pytest.raises(ValueError, match=r"do you mean -snes_latin_error\?"):
         solve_cases(row(), [Case("a")], {"snes_latn_error": 1e-6})
+    with pytest.warns(latinpc.LatinWarning, match="no solver has read -snes_max_itt: misspelt"):
+        found = solve_cases(row(), [Case("a"), Case("b")], {"snes_max_itt": 3, "snes_max_it": 30})
+    assert len(found.notices) == 1
 
 
 def test_wrong_cases_are_named():

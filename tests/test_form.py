@@ -319,11 +319,36 @@ def test_misuse_is_named():
         (given | {"nodes": np.zeros((11, 3)), "load": None}, "link 0 has no length in the form, one of 10"),
         (given | {"load": [[0.0, np.nan, 0.0]] * 11}, "have an entry of load that is not finite"),
         (given | {"mass": -1.0}, "have a mass that is negative"),
+        (given | {"links": given["links"] + 0.5}, "links must be integers"),
+        (given | {"name": 5}, "name must be a string"),
+        (given | {"options": {"snes_latn_error": 1}}, "do you mean -snes_latin_error"),
     ):
         with pytest.raises(ValueError, match=said.replace("\\\\", "\\")):
             latinpc.form_find(**wrong)
     with pytest.raises(ValueError, match="a structure needs the axial stiffness of its links: give EA"):
         latinpc.form_find(**given).structure  # noqa: B018
+
+
+def test_links_are_whole_numbers_of_any_type():
+    """As those of a structure."""
+    given = row(density=5.0)
+    found = latinpc.form_find(**(given | {"links": given["links"].astype(float)}))
+    assert np.array_equal(found.nodes, latinpc.form_find(**given).nodes) and found.links.dtype.kind == "i"
+
+
+@pytest.mark.parametrize("lengths", [{}, {"natural_length": 1.01, "EA": 1e4}])
+def test_options_that_nothing_reads_are_named(lengths):
+    options = {
+        "form_ksp_tpye": "cg",
+        "snes_max_itt": 3,
+        "form_pc_type": "lu",
+        **({"snes_max_it": 99} if lengths else {}),
+    }
+    with pytest.warns(latinpc.LatinWarning, match="no solver has read"):
+        found = latinpc.form_find(**row(density=5.0), **lengths, options=options)
+    said = [text for text in found.notices if "no solver has read" in text]
+    assert len(said) == 1 + bool(lengths) and "-form_ksp_tpye" in said[0] and "-snes_max_itt" in said[-1]
+    assert "pc_type" not in said[0] and "max_it:" not in said[-1]
 
 
 # ---- files and the command line -------------------------------------------------------------------------------

@@ -253,6 +253,22 @@ def test_a_structure_is_not_copied(how):
     assert np.array_equal(another.solve().load, 2.0 * structure.solve().load)
 
 
+def test_masked_entries_have_no_value():
+    """They had been used as if they were there."""
+    stiffness = np.ma.masked_array(np.full(len(LINKS), 1e3), mask=False)
+    assert frame(stiffness=stiffness).stiffness[0] == 1e3
+    stiffness[1] = np.ma.masked
+    with pytest.raises(ValueError, match="stiffness has masked entries, which have no value: fill them"):
+        frame(stiffness=stiffness)
+
+
+def test_a_number_of_subdomains_is_an_integer():
+    snes = frame().create_snes()
+    latinpc.set_subdomains(snes, np.int64(2))
+    with pytest.raises(ValueError, match=r"subdomains must be an integer, not 2\.5"):
+        latinpc.set_subdomains(snes, 2.5)
+
+
 @pytest.mark.parametrize("name", [5, None])
 def test_a_name_is_a_string(name):
     with pytest.raises(ValueError, match=f"name must be a string, not {name}"):

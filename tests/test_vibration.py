@@ -434,3 +434,13 @@ if __name__ == "__main__":
     buckling = latinpc.Structure(**bars(), geometry="large").solve(error=1e-10).modes(4, buckling=True)
     if PETSc.COMM_WORLD.rank == 0:
         print(json.dumps({"string": vibration.frequencies.tolist(), "factors": buckling.factors.tolist()}))
+
+
+def test_options_that_nothing_reads_are_named():
+    """Also one of ours that is misspelt, as by a solve."""
+    structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1e3, fixed=[[1], [0]], mass=1.0)
+    with pytest.warns(latinpc.LatinWarning, match="no solver has read -modes_eps_toll: misspelt"):
+        found = latinpc.modes(structure, 1, options={"modes_eps_toll": 1e-9, "-modes_eps_max_it": 99})
+    assert len(found.notices) == 1
+    with pytest.raises(ValueError, match="do you mean -snes_latin_error"):
+        latinpc.modes(structure, 1, options={"snes_latn_error": 1e-9})

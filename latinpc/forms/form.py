@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc.arrays import refuse
-from latinpc.checks import Checks
+from latinpc.arrays import communicator, refuse
+from latinpc.checks import Checks, checked_name, checked_shapes
 from latinpc.laws import Law
 from latinpc.numbering import Numbering
-from latinpc.options import default_options
+from latinpc.options import default_options, given_options
 from latinpc.results.notices import LatinWarning, SolveError, warn
+from latinpc.results.solve import unread
 from latinpc.results.tables import AXES, table, write_csv
 from latinpc.results.units import quantity
 from latinpc.solvers import negative_pivots
@@ -325,34 +326,44 @@ def form_find(
     >>> form.structure.solve().converged
     True
     """
+    checked_name(name)
     given = _checked(nodes, links, fixed, load, law, {"density": density, "natural_length": natural_length, "EA": EA})
     nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
     checks = Checks(nodes.shape, len(links), np.dtype(float))
     more = {"mass": None if mass is None else np.array(checks.mass(mass))}
     for key, values in (("area", area), ("strength", strength)):
         more[key] = None if values is None else np.array(checks.positive(key, values))
-    comm = PETSc.Sys.getDefaultComm() if comm is None else comm if isinstance(comm, PETSc.Comm) else PETSc.Comm(comm)
-    options, start = {str(key).removeprefix("-"): value for key, value in (options or {}).items()}, nodes
+    comm = communicator(comm)
+    options, start, notices = given_options(options), nodes, []
+    theirs = {key: value for key, value in options.items() if not key.startswith(PREFIX)}  # of the natural lengths
     if given["density"] is not None:
-        with default_options(options):
+        with default_options(options) as ours:
             start = equilibrium(nodes, links, fixed, given["density"], load, comm)
+            notices = unread(comm, [key for key in ours if natural_length is None or key not in theirs])
     _extended(start, links)
-    form = Form(name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], comm=comm, **more)
+    form = Form(
+        name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], comm=comm, notices=notices, **more
+    )
     if natural_length is None:
         form.tensions = given["density"] * form.lengths
         form.natural_lengths = _natural(form)
-        return form
-    form.natural_lengths = given["natural_length"]
-    return _settled(form, error, {key: value for key, value in options.items() if not key.startswith(PREFIX)})
+    else:
+        form.natural_lengths = given["natural_length"]
+        with default_options(theirs) as ours:
+            form = _settled(form, error)
+            form.notices += unread(comm, ours)
+    for notice in form.notices:
+        warn(comm, notice)
+    return form
 
 
-def _settled(form, error, options):
+def _settled(form, error):
     """Return the form that given natural lengths settle into; collective."""
     rounding = ROUNDING * np.finfo(float).eps * form.EA
     for _ in range(SOLVES):  # balance alone does not say whether a form is stable
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LatinWarning)  # what counts is the balance that is left
-            result = form.structure.solve(error=error, options=options)
+            result = form.structure.solve(error=error)
         form = replace(form, nodes=form.nodes + result.displacements)
         _extended(form.nodes, form.links)
         strain = form.stiffness * (form.lengths - form.natural_lengths)
@@ -370,8 +381,7 @@ def _settled(form, error, options):
         raise ValueError("all links are slack, and nothing holds a form: the natural lengths are too long")
     count = int(slack.sum())
     if count:
-        form.notices = [f"{count} link{'s are' if count > 1 else ' is'} slack: longer than the form has room for"]
-        warn(form.comm, form.notices[0])
+        form.notices.append(f"{count} link{'s are' if count > 1 else ' is'} slack: longer than the form has room for")
     return form
 
 
@@ -400,11 +410,7 @@ def _lost(result):
 
 def _checked(nodes, links, fixed, load, law, of_links):
     """Check and complete what is given; return arrays by name."""
-    nodes, links = np.array(nodes, dtype=float), np.asarray(links)
-    if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or not len(nodes):
-        raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
-    if links.ndim != 2 or links.shape[1] != 2 or not len(links) or not np.issubdtype(links.dtype, np.integer):
-        raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
+    nodes, links = map(np.array, checked_shapes({"nodes": nodes, "links": links}, np.dtype(float)))
     if of_links["density"] is None and of_links["natural_length"] is None:
         raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
     if of_links["natural_length"] is not None and of_links["EA"] is None:
@@ -413,7 +419,7 @@ def _checked(nodes, links, fixed, load, law, of_links):
         raise ValueError("a form needs supports: give fixed, an (n, dim) array of bool, true where a coordinate stays")
     checks = Checks(nodes.shape, len(links), np.dtype(float))
     checks.geometry(nodes, links, np.ones((len(links), nodes.shape[1])), links)  # links may have no length yet
-    found = {"nodes": nodes, "links": links.astype(np.int64)}
+    found = {"nodes": nodes, "links": links}
     for key, values in of_links.items():
         found[key] = None if values is None else np.array(checks.link_array(key, values))
         if values is not None:

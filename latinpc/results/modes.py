@@ -14,10 +14,11 @@ from petsc4py import PETSc
 from latinpc import errors, solvers
 from latinpc.arrays import Slices
 from latinpc.laws import RIGID
-from latinpc.options import default_options
+from latinpc.options import default_options, given_options
 
 from .limit import slackening
 from .notices import SolveError, warn
+from .solve import unread
 
 if TYPE_CHECKING:
     from latinpc.structure import Structure
@@ -224,9 +225,7 @@ def modes(
     drawn = not hasattr(state, "structure")
     structure = state if drawn else state.structure
     if not isinstance(getattr(structure, "_slices", None), Slices):
-        raise ValueError(
-            "modes need a latinpc.Structure, whole on every rank: make one of the arrays that gather() gives"
-        )
+        raise ValueError("modes need a latinpc.Structure, whole on every rank: make one of the arrays of gather()")
     if number < 1:
         raise ValueError(f"at least one mode is asked for, not {number}")
     rigid = [law for law in RIGID if (structure.law == law).any()]
@@ -236,16 +235,16 @@ def modes(
             " cable or compression_only with a large stiffness"
         )
     displacements = np.array(structure.prescribed) if drawn else state.displacements
-    problem = _Problem(structure, displacements)
+    given, problem = given_options(options), _Problem(structure, displacements)
     try:
-        settings = {str(k).removeprefix("-"): v for k, v in (options or {}).items()} | INERTIA
-        with contextlib.nullcontext() if drawn else state.as_solved(), default_options(settings):
+        with contextlib.nullcontext() if drawn else state.as_solved(), default_options(given | INERTIA) as ours:
             if buckling:
                 base = 0.0 if drawn or load is not None else 1.0
-                given = load if load is not None else structure.load if drawn else state.load
-                found = _factors(problem, number, np.asarray(given, dtype=float), base)
+                forces = load if load is not None else structure.load if drawn else state.load
+                found = _factors(problem, number, np.asarray(forces, dtype=float), base)
             else:
                 found = _frequencies(problem, number)
+            found.notices += unread(structure.comm, [name for name in ours if name in given])
     except PETSc.Error as reported:
         raise SolveError(errors.error_message(reported)) from None
     finally:

@@ -24,7 +24,7 @@ from latinpc.results.limit import bearing, borne, branches, moving, softest, uns
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
-from latinpc.results.solve import attach_linear
+from latinpc.results.solve import attach_linear, unread
 from latinpc.scenes.case import PARTS, Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
@@ -244,16 +244,17 @@ def solve_cases(
     if twice:
         raise ValueError(f"load cases have the same name, {', '.join(twice)}: tell them apart with Case.named()")
     structure = Structure.from_scene(scene, comm)
-    settings = given_options(options)
+    settings = given = given_options(options)
     if subdomains is not None:
-        settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
+        settings = given | {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
     notices = [*unknown_options(), *structure.notices, *overstretched(structure)]
     start = time.perf_counter()
-    with default_options(settings), errors_as_given(structure):
+    with default_options(settings) as ours, errors_as_given(structure):
         series = _Series(structure, scene, cases, each_case)
         try:
             series.solve_together()
             series.solve_rest()
+            unused = unread(structure.comm, [name for name in ours if name in given])
             report = {
                 **problem(structure),
                 "solver": series.snes.getType(),
@@ -263,7 +264,7 @@ def solve_cases(
             }
         finally:
             series.snes.destroy()
-    notices += series.notices
+    notices += [*series.notices, *unused]
     found = series.displacements, series.tensions, series.slack
     kept = replace(scene, **{name: getattr(scene, name).copy() for name in PARTS}), [replace(case) for case in cases]
     result = Cases(kept[0], names, plain(report), *found, notices, kept[1], structure.geometry)
