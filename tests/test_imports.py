@@ -11,6 +11,7 @@ from two_bars import CSV_MEMBERS, CSV_NODES, EA, KINDS, LENGTH, PYTHON, SINKS, T
 import latinpc
 from latinpc.cli.scenes import FILES
 from latinpc.files import tables
+from latinpc.files.arithmetic import evaluate
 from latinpc.files.reading import READERS
 from latinpc.runs.cases import solve_cases
 from latinpc.runs.solve import solve
@@ -280,3 +281,10 @@ def test_the_toml_file_of_a_folder_is_beside_it_or_in_it(tmp_path):
         place.write_text('title = "two ropes"\n')
         assert latinpc.read(folder).name == "two ropes"
         place.unlink()
+
+
+@pytest.mark.parametrize(
+    ("text", "worth"), [("abs(-7)/2", 3), ("abs(-7.0)/2", 3.5), ("fabs(-7)/2", 3.5), ("pow(2, 3)/3", 8.0 / 3.0)]
+)
+def test_functions_leave_whole_numbers_what_tcl_leaves(text, worth):
+    assert evaluate(text) == worth

@@ -93,6 +93,8 @@ def test_rounding_is_not_made_visible():
     nodes = np.array([[0.0, 0.0], [3.0, 0.0]])
     assert pictures.amplification_of(nodes, 2e-16) == 1.0
     assert pictures.amplification_of(nodes, 2e-6) == pytest.approx(1e5)
+    with pytest.raises(ValueError, match="a finite number, not inf"):
+        pictures.amplification_of(nodes, 2e-6, np.inf)
 
 
 def test_scales():
@@ -330,11 +332,13 @@ def test_command_draws_the_motion_of_a_mechanism(tmp_path):
     assert _seen(tmp_path / "f.png") > 0.005
 
 
-@pytest.mark.parametrize("arguments", [["--amplify", "50"], ["--num-steps", 3, "--html", "a.html"]])
+@pytest.mark.parametrize(
+    "arguments", [["--amplify", "50"], ["--amplify", "nan", "--html", "a.html"], ["--num-steps", 3, "--html", "a.html"]]
+)
 def test_command_refuses_pictures_without_meaning(arguments, tmp_path):
     scene = ["bouncing-chain"] if "--num-steps" in arguments else [ROOT / "examples" / "tower.msh"]
     said = command("solve", *scene, *arguments, code=2, cwd=tmp_path).stderr
-    assert "pictures" in said or "statics" in said
+    assert "pictures" in said or "statics" in said or "--amplify nan: displacements are multiplied by a finite" in said
 
 
 # ---- motions ---------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
 import click
@@ -136,6 +137,8 @@ def _check_files(moves, files, picture, html, amplify, output_every):
         raise ValueError("--html is for statics: leave out --num-steps")
     if amplify is not None and picture is None and html is None:
         raise ValueError("--amplify is for pictures: give --picture or --html")
+    if amplify is not None and not math.isfinite(amplify):
+        raise ValueError(f"--amplify {amplify}: displacements are multiplied by a finite number")
     if output_every is not None and not _films(files):
         raise ValueError("--output-every is for the states of a motion: give --output FILE.pvd, a .gif or --csv")
     if output_every is not None and output_every < 1:

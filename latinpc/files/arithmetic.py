@@ -63,7 +63,8 @@ def _value(node, names, whole):
         called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", None)
         base = getattr(getattr(node.func, "value", None), "id", None)
         if called in FUNCTIONS and (base is None or base in MODULES):
-            return _bounded(FUNCTIONS[called](*(float(_number(item, names, whole)) for item in node.args)))
+            numbers = [_number(item, names, whole) for item in node.args]
+            return _bounded(FUNCTIONS[called](*(numbers if called == "abs" else map(float, numbers))))
     what = ast.unparse(node)
     raise NotPlain(f"'{what[:60]}' is no number, known name or arithmetic")
 

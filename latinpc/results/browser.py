@@ -53,7 +53,7 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
     nodes, seen = plane_points(scene.nodes), drawn_links(scene)
     moved = np.zeros(nodes.shape) if displacements is None else plane_points(np.asarray(displacements, dtype=float))
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
-    amplification = amplification_of(nodes, largest) if amplification is None else float(amplification)
+    amplification = amplification_of(nodes, largest, amplification)
     shape, ends = nodes + amplification * moved, scene.links[seen]
     traces = []
     if tensions is not None:

@@ -46,9 +46,9 @@ def draw_motion(motion, path, amplification=None, seconds=0.06):
     """
     scene, seen = motion.scene, drawn_links(motion.scene)
     nodes = plane_points(scene.nodes)
-    if amplification is None:
-        largest = max(np.linalg.norm(frame.displacements, axis=1).max() for frame in motion.frames)
-        amplification = max(amplification_of(nodes, largest), 1.0)
+    largest = max(np.linalg.norm(frame.displacements, axis=1).max() for frame in motion.frames)
+    least = 1.0 if amplification is None else -np.inf
+    amplification = max(amplification_of(nodes, largest, amplification), least)
     shapes = [nodes + amplification * plane_points(frame.displacements) for frame in motion.frames]
     scale = Scale(*(frame.tensions[seen] for frame in motion.frames))
     stands = supports(scene.fixed, nodes, scene.links[seen])

@@ -54,8 +54,15 @@ def round_factor(value):
     return float(power * max(digit for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-12)))
 
 
-def amplification_of(nodes, largest):
-    """Return a round factor that makes the largest displacement (m) visible beside the structure; 1 for rounding."""
+def amplification_of(nodes, largest, asked=None):
+    """Return the factor that is asked for, or a round one.
+
+    That makes the largest displacement (m) visible beside the structure; 1 for rounding.
+    """
+    if asked is not None:
+        if not np.isfinite(asked):
+            raise ValueError(f"the amplification of displacements is a finite number, not {asked}")
+        return float(asked)
     span = np.ptp(nodes, axis=0).max()
     return round_factor(VISIBLE * span / largest) if largest > ROUNDING * span else 1.0
 
@@ -109,7 +116,7 @@ def structure_figure(
     loose = slack(scene, tensions)[seen]
     nodes, moved = plane_points(scene.nodes), _in_plane(displacements)
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
-    amplification = amplification_of(nodes, largest) if amplification is None else float(amplification)
+    amplification = amplification_of(nodes, largest, amplification)
     shape = nodes + amplification * moved
     sketch = Sketch(scene, shape, seen, load, figure, [nodes])
     scale = Scale(tensions[seen])
