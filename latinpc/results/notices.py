@@ -9,12 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc import accuracy, errors, solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
+from . import rubbing
 from .mechanics import changes_of_length, keeps_direction, tensions_at
 from .units import quantity
 
@@ -80,12 +82,14 @@ def warn(comm: PETSc.Comm, text: str, category: type[Warning] = LatinWarning) ->
 
 
 def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
-    """Return sentences on how a solve has ended, where its solver or the links show why; not collective."""
+    """Return sentences on how a solve has ended, where its solver or the links show why; collective."""
     notices, reason = [], snes.getConvergedReason()
+    ends = _no_equilibrium(snes, structure) if snes.getType() == "latin" and reason < 0 else []
+    none = any(text.startswith("no equilibrium") for text in ends)
     least = accuracy.rounding_floor(snes) if reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER else 0.0
     if least >= 1.0:
         notices.append("rounding hides what the loads do: a part of the structure is a mechanism, or nearly one")
-    elif least and len(past.get("estimate", ())):
+    elif least and not none and len(past.get("estimate", ())):
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
     if snes.getType() == "latin" and structure.geometry == "linear" and _given_up(snes):
         notices.append(
@@ -93,9 +97,7 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
             " no equilibrium, and a larger -snes_max_it changes nothing"
         )
     if snes.getType() == "latin" and reason < 0:
-        notices += _no_equilibrium(snes, structure)
-        if not any(text.startswith("no equilibrium") for text in notices):
-            notices += _contrast(structure)
+        notices += ends if none else [*ends, *_contrast(structure)]
     if snes.getType() == "ksponly" and (structure.law != Law.BAR).any():
         notices.append(
             "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
@@ -116,12 +118,19 @@ def _no_equilibrium(snes, structure):
         ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
         rigid = "lengths of inextensible cables" if (structure.law == Law.INEXTENSIBLE).any() else "gaps of contacts"
         return [f"no equilibrium: the {rigid} are incompatible"] if ends else []
+    rubs = structure.comm.tompi4py().allreduce(bool((structure.law == Law.FRICTION).any()), op=MPI.LOR)
+    ends = unsupported and np.isinf(distance)
+    if rubs and not jammed and not ends:
+        jammed, links = rubbing.jammed(structure)
     if jammed:
         rigid = structure.some_links(links, jammed > len(links))
         return [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
-    rubs = (structure.law == Law.FRICTION).any()
     loose = "links that are slack or yield" if (structure.law >= len(Law)).any() else "slack links"
-    if unsupported and np.isinf(distance):
+    if rubs and not unsupported and snes.getConvergedReason() == DTOL:
+        moved = rubbing.sliding(snes, structure)
+        nodes, ends = moved[:_NAMED], bool(moved)
+        named = structure.some_nodes(nodes, len(moved) > _NAMED)
+    if ends:
         held = "neither links nor friction hold" if rubs else f"{loose} no longer hold"
         return [f"no equilibrium: {held} {named}"]
     if unsupported and rubs:
