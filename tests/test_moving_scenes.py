@@ -15,8 +15,9 @@ from test_cli import latinpc, said
 from test_files import MSH, TOML
 
 from latinpc.files import reading
+from latinpc.runs.history import History
 from latinpc.runs.motion import move
-from latinpc.scenes import Law, Scene, make
+from latinpc.scenes import Case, Law, Scene, make
 
 STEP = "-ts_time_step" if PETSc.Sys.getVersion() >= (3, 25) else "-ts_dt"
 SMALL = {
@@ -261,3 +262,28 @@ def test_masses_and_velocities_of_a_file(tmp_path):
 def test_masses_that_are_wrong_are_told(tmp_path, text, words):
     with pytest.raises(ValueError, match=words):
         read(tmp_path, TOML + text)
+
+
+def test_tables_have_gaps_of_contacts_and_tangential_parts_follow_them():
+    """A node falls beside another that lies still: its gap closes, and until then none of its links bears."""
+    rows = ["friction", "tangent"] * 2
+    scene = Scene(
+        "drop", [[0.0, -1.0], [0.0, 0.0], [1.0, 0.0]], [[0, 1], [0, 1], [0, 2], [0, 2], [1, 2]], [*rows, "bar"],
+        [0.0, 0.0, 0.0, 0.0, 1e3], initial_elongation=[0.0, 0.0, 0.1, 0.0, 0.0], friction=0.3,
+        fixed=[[1, 1], [1, 1], [0, 0]], direction=[[0, 1], [1, 0]] * 2 + [[0, 0]], load=[[0, 0], [0, 0], [0, -10.0]],
+        mass=[0.0, 0.0, 1.0],
+    )  # fmt: skip
+    moved = move(scene, 20, 1e-2, {"snes_stol": 1e-10}, every=1)
+    table = moved.members[moved.members["link"] == 2]
+    heights = [frame.displacements[2, 1] for frame in moved.frames]
+    assert table["gap"] == pytest.approx(0.1 + np.array(heights), abs=1e-15)
+    assert table["gap"][0] == 0.1 and np.ptp(table["gap"][~table["slack"]]) < 1e-9  # a step beyond where it closes
+    parts = moved.members[moved.members["link"] == 3]
+    assert parts["slack"].tolist() == table["slack"].tolist() and 5 < table["slack"].sum() < 20
+    assert np.isnan(parts["gap"]).all() and np.isnan(moved.members[moved.members["link"] == 4]["gap"]).all()
+    still = replace(scene, load=None).solve()
+    assert still.members["gap"][:4] == pytest.approx([0.0, np.nan, 0.1, np.nan], nan_ok=True)
+    assert still.slack[2] and not still.slack[3] and still.members["slack"][3]
+    history = History([0.0, 0.1], [0.0, 1.0], Case("wider", initial_elongation=[0.0, 0.0, 0.2, 0.0, 0.0]))
+    wider = move(replace(scene, load=None), 10, 1e-2, every=1, history=history).members
+    assert wider[wider["link"] == 2]["gap"] == pytest.approx(np.linspace(0.1, 0.3, 11))

@@ -30,6 +30,12 @@ def elongations(scene, displacement):
     return np.einsum("ij,ij->i", relative, scene.directions)
 
 
+def gaps(scene, displacement, initial_elongation):
+    """Return the gaps e + e0 that contacts have left (m), NaN of other links; None where there are no contacts."""
+    contact = np.isin(scene.law, (Law.CONTACT, Law.FRICTION))
+    return np.where(contact, elongations(scene, displacement) + initial_elongation, np.nan) if contact.any() else None
+
+
 def stretches(scene, displacement, geometry=None):
     """Return ``|r| - l`` of links where displacements are large, else e = B U (m); parameters of `elongations`.
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import tables
-from .mechanics import Balance, Leaning, Turned, balance, reactions, slack
+from .mechanics import Balance, Leaning, Turned, balance, gaps, reactions, slack
 from .report import Reported, plain
 from .summary import summary
 
@@ -100,6 +100,11 @@ class Result(Reported):
         return (Turned if self.geometry == "large" else Leaning)(self.structure, self.displacements)
 
     @cached_property
+    def gap(self) -> np.ndarray | None:
+        """(m,) array: what contacts have left of their gaps (m), NaN of other links; None without contacts."""
+        return gaps(self.structure, self.displacements, self._acted["initial_elongation"])
+
+    @cached_property
     def stress(self) -> np.ndarray | None:
         """(m,) array: tension over area (Pa), NaN without one; None where the structure has no areas."""
         return None if self.structure.area is None else self.tensions / self.structure.area
@@ -114,8 +119,9 @@ class Result(Reported):
     def members(self) -> np.ndarray:
         """Structured array of a row per link.
 
-        Columns: link, start, end, law, length (m), elongation (m), tension (N), slack; stress (Pa) and utilisation
-        where the structure has areas and strengths; name, start_name, end_name where a file has given them.
+        Columns: link, start, end, law, length (m), elongation (m), tension (N), slack (of tangential parts that of
+        their contact); gap (m) where there are contacts; stress (Pa) and utilisation where the structure has areas and
+        strengths; name, start_name, end_name where a file has given them.
         """
         return tables.members(self)
 

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from latinpc.laws import Law
+
 from .atomic import atomic
-from .mechanics import slack, stretches
+from .mechanics import gaps, slack, stretches
 
 if TYPE_CHECKING:
     from latinpc.runs.motion import Motion
@@ -31,9 +33,9 @@ def members(result: Result) -> np.ndarray:
         "length": structure.lengths,
         "elongation": stretches(structure, result.displacements, result.geometry),
         "tension": result.tensions,
-        "slack": result.slack,
+        "slack": _with_contact(structure, result.slack),
     }
-    for name in ("stress", "utilisation"):
+    for name in ("gap", "stress", "utilisation"):
         if getattr(result, name) is not None:
             columns[name] = getattr(result, name)
     return table(columns | link_columns(structure))
@@ -56,10 +58,18 @@ def nodes(result: Result) -> np.ndarray:
 
 def motion_members(motion: Motion) -> np.ndarray:
     """Return a row per link and state of a motion, in the order of time; see `latinpc.runs.motion.Motion.members`."""
-    links = motion.scene.links
+    scene, links = motion.scene, motion.scene.links
     tensions = np.array([frame.tensions for frame in motion.frames])
-    columns = {"link": np.arange(len(links)), "start": links[:, 0], "end": links[:, 1]} | link_columns(motion.scene)
-    return _over_time(motion, columns, {"tension": tensions, "slack": slack(motion.scene, tensions)})
+    columns = {"link": np.arange(len(links)), "start": links[:, 0], "end": links[:, 1]} | link_columns(scene)
+    found = {"tension": tensions, "slack": _with_contact(scene, slack(scene, tensions))}
+    left = [gaps(scene, frame.displacements, frame.initial_elongation) for frame in motion.frames]
+    return _over_time(motion, columns, found if left[0] is None else found | {"gap": np.array(left)})
+
+
+def _with_contact(scene, loose):
+    """Return which links are slack (..., m), of tangential parts whether their contact is."""
+    first = np.where(scene.law == Law.TANGENT, 0, np.arange(len(scene.law)))
+    return loose[..., np.maximum.accumulate(first)]
 
 
 def motion_nodes(motion: Motion) -> np.ndarray:

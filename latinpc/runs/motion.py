@@ -39,6 +39,7 @@ class Frame:
     displacements: np.ndarray  #: (n, dim), m
     velocities: np.ndarray  #: (n, dim), m/s
     tensions: np.ndarray  #: (m,), N: impulses over the length of the step
+    initial_elongation: np.ndarray  #: (m,), m
 
 
 @dataclass
@@ -61,7 +62,7 @@ class Motion:
     def members(self):
         """Links over time, a structured array: step, time (s), link, start, end, tension (N), slack; names and groups.
 
-        A row for each link of each frame; ends, names and groups as in `latinpc.Result.members`.
+        And the gap (m) where there are contacts. A row for each link of each frame; all as in `latinpc.Result.members`.
         """
         return tables.motion_members(self)
 
@@ -217,7 +218,8 @@ class _Recorder:
         u, v = self.ts.getSolution2()
         tensions = self._tensions(u)
         velocities = np.where(self.scene.fixed, 0.0, self.structure.displacements(v))
-        self.frames.append(Frame(number, self.ts.getTime(), self.structure.displacements(u), velocities, tensions))
+        moved, elongation = self.structure.displacements(u), self.structure.initial_elongation
+        self.frames.append(Frame(number, self.ts.getTime(), moved, velocities, tensions, elongation))
 
     def record(self, number):
         """Record a step, or the start as number 0."""
