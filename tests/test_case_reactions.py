@@ -76,6 +76,17 @@ def test_reactions_are_those_of_what_was_solved():
     assert found.reactions.ravel() == pytest.approx([-0.9, 0.0, -0.6])
 
 
+def test_a_case_has_arrays_of_its_own():
+    """One array may be filled anew for each case."""
+    load, cases = np.zeros((3, 1)), []
+    for force in (1.0, 2.0):
+        load[1] = force
+        cases.append(Case(f"{force:g} N", load=load))
+    assert [case.load[1, 0] for case in cases] == [1.0, 2.0]
+    with pytest.raises(ValueError, match="name must be a string, not 1"):
+        Case(1)
+
+
 def test_reactions_of_cases_that_have_not_converged_are_in_no_envelope(tmp_path):
     scene = row(fixed=(True, False, False), law="cable")
     found = solve_cases(scene, [Case("push", [[0], [0.0], [-2.0]]), Case("pull", [[0], [0.0], [2.0]])])

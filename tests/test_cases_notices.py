@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from petsc4py import PETSc
+from test_cases import row
 
 import latinpc
 from latinpc import Case
@@ -88,3 +89,9 @@ def test_a_case_that_is_refused_does_not_take_the_others_with_it():
     assert "its prestress makes it buckle" in text and text.endswith("take -snes_latin_geometry large")
     alone = latinpc.solve_cases(structure, [wind])
     assert found.tensions[1] == pytest.approx(alone.tensions[0], rel=1e-9)
+
+
+def test_options_that_nothing_reads_are_named():
+    with pytest.warns(latinpc.LatinWarning, match="no solver has read -snes_max_itt: misspelt"):
+        found = latinpc.solve_cases(row(), [Case("a"), Case("b")], {"snes_max_itt": 3, "snes_max_it": 30})
+    assert len(found.notices) == 1
