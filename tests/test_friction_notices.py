@@ -94,3 +94,20 @@ assert slope(0.0).solve().notices == [FALLS]
 def test_ranks_say_the_same(mpirun, request):
     """Also where one of them has no link."""
     mpirun(2, JAMMED, request.path.parent, timeout=60)
+
+
+def test_walls_that_press_hold_with_the_least_friction():
+    """Rigid walls may press as hard as it takes."""
+    walls = {
+        "nodes": [[-1, 0], [1, 0], [0, 0]],
+        "links": [[0, 2]] * 2 + [[2, 1]] * 2,
+        "law": ["friction", "tangent"] * 2,
+    }
+    walls |= {
+        "fixed": [[1, 1], [1, 1], [0, 0]],
+        "load": [[0, 0], [0, 0], [0, -10.0]],
+        "direction": [[1, 0], [0, 1]] * 2,
+    }
+    assert slope(1e-12, **walls).solve().converged
+    (text,) = slope(0.0, **walls).solve().notices
+    assert text == FALLS.replace("1", "2")

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["jammed", "sliding"]
 
 MOST = 10_000  # links: their solve without friction takes seconds
+LITTLE = (
+    1e-8  # coefficient of friction whose forces are rounding beside those of contacts; of more the solver finds out
+)
 SLIDES = 1e-6  # of the limit of friction: a tangential force that is nearer to it holds nothing
 STOPS = 1e-9  # of a motion: elongations that are smaller are rounding
 PART = 0.5  # of the largest displacement: nodes that move
@@ -55,10 +58,11 @@ def jammed(structure: Structure) -> tuple[int, list[int]]:
 
 
 def sliding(snes: PETSc.SNES, structure: Structure) -> list[int]:
-    """Return nodes that the loads move against what friction bears, without end; collective.
+    """Return nodes that the loads move without end along contacts of little or no friction; collective.
 
     After a solve whose displacements have grown without end. The motion changes no link that bears, and no slack link
-    stops it. Contacts slide in it whose friction is at its limit; the loads do more work than they take.
+    stops it. Contacts slide in it whose friction is at its limit; the loads do more work than they take. With more
+    friction that proves nothing: contacts that are pressed harder against each other may hold.
     """
     tensions, rows = solvers.tensions(snes), np.flatnonzero(structure.law == Law.FRICTION)
     if not isinstance(structure._slices, Slices) or not np.isfinite(tensions).all():
@@ -66,6 +70,7 @@ def sliding(snes: PETSc.SNES, structure: Structure) -> list[int]:
     parts = rows[:, None] + np.arange(1, structure.dim)
     most = structure.friction[rows] * np.maximum(-tensions[rows], 0.0)
     slides = np.linalg.norm(tensions[parts], axis=1) >= (1.0 - SLIDES) * most
+    slides &= structure.friction[rows] <= LITTLE
     bears = bearing(structure, tensions)
     bears[parts[slides]] = False
     motion = free_motion(structure, bears=bears)
