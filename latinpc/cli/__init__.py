@@ -19,7 +19,7 @@ from petsc4py import PETSc
 
 import latinpc
 from latinpc.options import unknown_options
-from latinpc.results.solve import unread
+from latinpc.results.unread import unread
 from latinpc.runs.checkpoint import Interrupted
 
 from .arguments import insert_petsc_options, split_arguments

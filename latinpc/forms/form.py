@@ -19,9 +19,9 @@ from latinpc.laws import Law
 from latinpc.numbering import Numbering
 from latinpc.options import default_options, given_options
 from latinpc.results.notices import LatinWarning, SolveError, warn
-from latinpc.results.solve import unread
 from latinpc.results.tables import AXES, table, write_csv
 from latinpc.results.units import quantity
+from latinpc.results.unread import unread
 from latinpc.solvers import negative_pivots
 from latinpc.structure import Structure
 

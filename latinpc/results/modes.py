@@ -18,7 +18,7 @@ from latinpc.options import default_options, given_options
 
 from .limit import slackening
 from .notices import SolveError, warn
-from .solve import unread
+from .unread import unread
 
 if TYPE_CHECKING:
     from latinpc.structure import Structure

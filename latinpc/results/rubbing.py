@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["jammed", "sliding"]
 
 MOST = 10_000  # links: their solve without friction takes seconds
-LITTLE = (
-    1e-8  # coefficient of friction whose forces are rounding beside those of contacts; of more the solver finds out
-)
+LITTLE = 1e-8  # coefficient of friction, whose forces are rounding; of more the solver itself finds out
 SLIDES = 1e-6  # of the limit of friction: a tangential force that is nearer to it holds nothing
 STOPS = 1e-9  # of a motion: elongations that are smaller are rounding
 PART = 0.5  # of the largest displacement: nodes that move

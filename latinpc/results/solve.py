@@ -12,7 +12,6 @@ from petsc4py import PETSc
 
 from latinpc import accuracy, errors, solvers
 from latinpc.laws import UNILATERAL
-from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
 from .limit import bearing, borne, branches, moving, softest, unstable
@@ -20,6 +19,7 @@ from .loose import loose
 from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
+from .unread import unread
 
 if TYPE_CHECKING:
     from latinpc.structure import Structure
@@ -108,18 +108,6 @@ def idle(snes: PETSc.SNES) -> list[str]:
         if snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
             said += ["-snes_npc_side left leaves Newton's method no matrix to precondition with: take -pc_type none"]
     return said
-
-
-def unread(comm: PETSc.Comm, names: list[str]) -> list[str]:
-    """Return a sentence on options that no rank has read; collective.
-
-    One that PETSc has given its new name is no longer there, and has been read.
-    """
-    there = PETSc.Options().getAll()
-    read = comm.tompi4py().allgather([_latin.option_used(name) or name not in there for name in names])
-    unread = [name for name, *used in zip(names, *read) if not any(used)]
-    named = ", ".join(f"-{name}" for name in unread)
-    return [f"no solver has read {named}: misspelt, or of no use to this solver"] if unread else []
 
 
 def attach_linear(structure: Structure, snes: PETSc.SNES) -> PETSc.SNES | PETSc.KSP | PETSc.PC | None:

@@ -24,7 +24,8 @@ from latinpc.results.limit import bearing, borne, branches, moving, softest, uns
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
-from latinpc.results.solve import attach_linear, unread
+from latinpc.results.solve import attach_linear
+from latinpc.results.unread import unread
 from latinpc.scenes.case import PARTS, Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
