@@ -354,7 +354,7 @@ def test_options_that_nothing_reads_are_named(lengths):
 # ---- files and the command line -------------------------------------------------------------------------------
 def test_tables_are_read_again_as_the_structure(tmp_path):
     """All digits of nodes, laws, natural lengths, supports, loads and masses."""
-    form = latinpc.form_find(**mast(-2.0), load=[[0.1, 0.0, 3.0]] * 6, EA=1e4, mass=2.5)
+    form = latinpc.form_find(**mast(-2.0), load=[[0.1, 0.0, 3.0]] * 6, EA=1e4, mass=2.5, area=1e-4)
     form.to_csv(tmp_path / "members.csv", tmp_path / "nodes.csv")
     scene, s = latinpc.read(tmp_path), form.structure
     for name in ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "load", "mass"):
@@ -362,6 +362,7 @@ def test_tables_are_read_again_as_the_structure(tmp_path):
     form.to_npz(tmp_path / "form.npz")
     with np.load(tmp_path / "form.npz") as file:
         assert np.array_equal(file["nodes"], form.nodes) and np.array_equal(file["tensions"], form.tensions)
+        assert np.array_equal(file["area"], form.area) and np.array_equal(file["mass"], form.mass)
 
 
 def test_command(tmp_path):

@@ -165,7 +165,8 @@ class Form:
 
         arrays = {"nodes": self.nodes, "links": self.links, "law": self.law, "fixed": self.fixed, "load": self.load}
         arrays |= {"tensions": self.tensions, "densities": self.densities, "reactions": self.reactions}
-        arrays |= {} if self.mass is None else {"mass": self.mass}
+        beside = {name: getattr(self, name) for name in ("mass", "area", "strength")}
+        arrays |= {name: values for name, values in beside.items() if values is not None}
         if self.EA is not None:
             arrays |= {"EA": self.EA, "natural_lengths": self.natural_lengths}
         with atomic(path) as temporary, open(temporary, "wb") as file:
