@@ -1,7 +1,6 @@
 """Large displacements with every variant and direction: tangents of a subdomain need not be positive definite."""
 
 import pytest
-from petsc4py import PETSc
 from support import ALL_VARIANTS
 from test_between_solves import net, solved
 
@@ -17,11 +16,3 @@ def test_subdomains_that_their_tangents_do_not_hold(variant, direction):
         snes, u = solved(structure, **how)
         assert snes.getConvergedReason() > 0
         assert (u - exact).norm() < 1e-4 * exact.norm()
-
-
-@pytest.mark.parametrize("option", ["direction", "direction_value", "modes"])
-def test_options_of_interfaces_are_not_for_primal(option):
-    """It has neither search directions nor macro fields of interfaces."""
-    values = {"direction": "diagonal", "direction_value": 2.0, "modes": "rigid"}
-    with pytest.raises(PETSc.Error):
-        solved(net(), snes_latin_variant="primal", **{f"snes_latin_{option}": values[option]})

@@ -216,9 +216,6 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscOptionsEnd();
   PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_AUTO, PetscObjectComm(solver), PETSC_ERR_SUP,
              "-%smodes_local needs -%svariant corner: with other variants local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
-  PetscCheck(variant != LATIN_VARIANT_PRIMAL || (direction == LATIN_DIRECTION_SCHUR && !(value > 0.0) && modes == LATIN_MODES_AFFINE), PetscObjectComm(solver), PETSC_ERR_SUP,
-             "-%svariant primal has neither search directions nor macro fields of interfaces: leave -%sdirection, -%sdirection_value and -%smodes out, or take another variant", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub),
-             LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
   PetscCall(LatinSetVariant(latin, variant));
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));

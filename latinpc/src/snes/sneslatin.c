@@ -177,13 +177,15 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Are loads or displacements so small that their squares are zero, and no norm has seen them? Collective on snes */
+/* Are loads or displacements so small that their squares are zero, and no norm has seen them? Not in a time step: a motion comes to rest. Collective on snes */
 static PetscErrorCode SNESLatinVanishes_Private(SNES snes, PetscBool *vanishes)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->latin->sub.structure;
   PetscReal            load, beside = 0.0, moved;
 
   PetscFunctionBegin;
+  *vanishes = PETSC_FALSE;
+  if (structure->ground) PetscFunctionReturn(0);
   PetscCall(VecNorm(structure->load, NORM_INFINITY, &load));
   if (snes->vec_rhs) PetscCall(VecNorm(snes->vec_rhs, NORM_INFINITY, &beside));
   PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &moved));
