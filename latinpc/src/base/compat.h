@@ -26,9 +26,10 @@
   #define PETSC_UNLIMITED (-1)
 #endif
 
-/* 3.23: PetscOptionItems is a pointer itself */
+/* 3.23: PetscOptionItems is a pointer itself; a type for destructors */
 #if PETSC_VERSION_LT(3, 23, 0)
 typedef PetscOptionItems *LatinOptionItems;
+typedef PetscErrorCode    PetscCtxDestroyFn(void **);
 #else
 typedef PetscOptionItems LatinOptionItems;
 #endif

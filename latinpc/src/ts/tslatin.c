@@ -289,7 +289,7 @@ static PetscErrorCode TSSetFromOptions_Latin(TS ts, LatinOptionItems PetscOption
   if (set) {
     PetscCall(PetscViewerAndFormatCreate(viewer, format, &vf));
     PetscCall(PetscViewerDestroy(&viewer));
-    PetscCall(TSMonitorSet(ts, TSMonitor_Latin, vf, (PetscErrorCode(*)(void **))PetscViewerAndFormatDestroy));
+    PetscCall(TSMonitorSet(ts, TSMonitor_Latin, vf, (PetscCtxDestroyFn *)PetscViewerAndFormatDestroy));
   }
   PetscCall(TSLatinFind_Private(ts, &snes)); /* sets the default type before the options of the SNES are read */
   PetscFunctionReturn(0);
