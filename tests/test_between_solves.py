@@ -95,7 +95,7 @@ def test_a_guess_that_is_no_number_comes_back_as_it_was():
     u.set(np.nan)
     snes.setFromOptions()
     snes.solve(None, u)
-    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+    assert snes.getConvergedReason() == -4  # its name depends on the version of petsc4py
     assert np.isnan(u.getArray()).all() and np.isnan(snes.getFunctionNorm())
 
 

@@ -91,14 +91,50 @@ PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void 
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode LatinNothing_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
+{
+  (void)snes;
+  (void)u;
+  (void)ctx;
+  *energy = 0.0;
+  return 0;
+}
+
+/* Does PETSc itself subtract the work of b from an objective, where F(u) = b is solved? 3.18 does not, 3.26 does. Not collective */
+static PetscErrorCode LatinObjectiveHasWork_Private(PetscBool *has)
+{
+  static PetscInt known = -1; /* the same for all SNES */
+  PetscReal       energy;
+  SNES            snes;
+  Vec             one;
+
+  PetscFunctionBegin;
+  if (known < 0) {
+    PetscCall(VecCreateSeq(PETSC_COMM_SELF, 1, &one));
+    PetscCall(VecSet(one, 1.0));
+    PetscCall(SNESCreate(PETSC_COMM_SELF, &snes));
+    PetscCall(SNESSetObjective(snes, LatinNothing_SNES, NULL));
+    snes->vec_rhs = one;
+    PetscCall(SNESComputeObjective(snes, one, &energy));
+    snes->vec_rhs = NULL;
+    PetscCall(SNESDestroy(&snes));
+    PetscCall(VecDestroy(&one));
+    known = energy != 0.0 ? 1 : 0;
+  }
+  *has = (PetscBool)known;
+  PetscFunctionReturn(0);
+}
+
 /* The energy less the work of b, where F(u) = b is solved: its gradient is the function of line searches */
 static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
 {
   PetscScalar work = 0.0;
+  PetscBool   has  = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureComputeEnergy((LatinStructure)ctx, u, energy));
-  if (snes && snes->vec_rhs) PetscCall(VecDot(snes->vec_rhs, u, &work));
+  PetscCall(LatinObjectiveHasWork_Private(&has));
+  if (snes && snes->vec_rhs && !has) PetscCall(VecDot(snes->vec_rhs, u, &work));
   *energy -= PetscRealPart(work);
   PetscFunctionReturn(0);
 }
