@@ -246,7 +246,7 @@ LARGE = {
     "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
     "LATIN_BRANCH_TRIES": ("tries", "Of 60 braced towers with symmetric loads 50 are solved with 1, 55 with 3."),
     "LATIN_BRANCH_FURTHER": ("ratio", "From 0.0016 to 0.1 of the path in three tries."),
-    "LATIN_BRANCH_POWER": ("steps", "The direction that the softer sides leave free shows after three or four."),
+    "LATIN_BRANCH_POWER": ("steps", "Of 60 braced towers one more fails with 3."),
     "LATIN_BRANCH_DISTURBS": (
         "of the size",
         "Forces of this far along the mode are above the balance of a descent; displacements ahead alone, of a strut"

@@ -1,10 +1,10 @@
 #include "snes/largepath.h"
 
 /*
-   Where the path of the loads branches. Crossed cables of a panel that slacken together leave it unstable, as long as it stays symmetric: it shears a little until
-   one of them tightens, and goes on. A symmetric structure that buckles goes on to one side or the other; that is for the caller to decide, by loads or an
-   imperfection, but it is told. Both are sought down the energy, from the last stable equilibrium, disturbed, under slightly more loads. What is found is a
-   branch if it is as much nearer with less of these loads: along a branch displacements grow from none, and a snap-through leads as far from anywhere.
+   Where the path of the loads branches. Crossed cables of a panel that slacken together leave the symmetric panel unstable: it shears a little until one of
+   them tightens, and the path goes on. A symmetric structure that buckles goes on to one side or the other: the path ends, and the caller is told, who
+   chooses a side by loads or an imperfection. Both are sought down the energy, from the last stable equilibrium, disturbed, under slightly more loads, and
+   under a part of these. Along a branch displacements grow from none with the loads; a snap-through leads equally far under either.
 */
 
 #define LATIN_BRANCH_AHEAD    (16.0 * LATIN_PATH_LEAST) /* of the loads: the step onto a branch */
@@ -117,15 +117,13 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
 static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, Vec v, PetscBool *begins, PetscBool *linear)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  PetscReal         less, beside = PETSC_MAX_REAL, little;
+  PetscReal         less, beside = PETSC_MAX_REAL;
 
   PetscFunctionBegin;
   PetscCall(LatinBranchSeek_Private(snes, path, mode, more / LATIN_BRANCH_LESS, v, &less));
   if (less < PETSC_MAX_REAL) PetscCall(LatinBranchSeek_Private(snes, path, mode, more, v, &beside));
-  PetscCall(VecNorm(path->u, NORM_INFINITY, &little));
-  little  = PetscMax(LATIN_PATH_KINK * little, LATIN_PATH_NONE * large->size); /* as an increment may move it */
   *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside && less * LATIN_BRANCH_LESS * LATIN_BRANCH_LESS >= beside * LATIN_BRANCH_LINEAR);
-  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= PetscMax(LATIN_BRANCH_NEARER * beside, little));
+  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside);
   PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
   PetscFunctionReturn(0);
 }

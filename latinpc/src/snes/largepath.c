@@ -23,6 +23,8 @@
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
+#define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
+#define LATIN_PATH_JUMP      0.1  /* times the displacements so far: there such an increment may move the structure no further */
 #define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
 #define LATIN_PATH_SOFTENED  10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
 #define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */

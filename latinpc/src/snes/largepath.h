@@ -4,9 +4,7 @@
 
 #include "snes/sneslatinimpl.h"
 
-#define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
-#define LATIN_PATH_JUMP     0.1  /* times the displacements so far: there such an increment may move the structure no further */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_TARGETS  16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE     1e-9 /* of the size of the structure: displacements that are none */

@@ -55,8 +55,8 @@ PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, Petsc
 }
 
 /*
-   Where updates change the tensions by the same each time, while displacements stay: on to where the first of those that decrease is zero, in place of many updates. newton->tension: the
-   last change. Collective on newton->structure
+   Makes many updates at once, where each changes the tensions by the same and no displacement: up to the first tension that becomes zero.
+   newton->tension: the last change. Collective on newton->structure
 */
 static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
 {

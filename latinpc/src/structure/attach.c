@@ -133,8 +133,9 @@ static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *
 
   PetscFunctionBegin;
   PetscCall(LatinStructureComputeEnergy((LatinStructure)ctx, u, energy));
+  if (!snes || !snes->vec_rhs) PetscFunctionReturn(0);
   PetscCall(LatinObjectiveHasWork_Private(&has));
-  if (snes && snes->vec_rhs && !has) PetscCall(VecDot(snes->vec_rhs, u, &work));
+  if (!has) PetscCall(VecDot(snes->vec_rhs, u, &work));
   *energy -= PetscRealPart(work);
   PetscFunctionReturn(0);
 }
