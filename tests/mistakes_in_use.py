@@ -300,6 +300,14 @@ CASES = {
         r"_error belongs to .* add -snes_latin_stop error",
         lambda: solve(square(), snes_latin_error=1e-3, snes_latin_stop="residual"),
     ),
+    "balance_of_what": (
+        r"_balance belongs to .* add -snes_latin_stop error",
+        lambda: solve(square(), snes_latin_balance=1e-9, snes_latin_stop="indicator"),
+    ),
+    "tension_error_of_what": (
+        r"_tension_error belongs to .* add -snes_latin_stop error",
+        lambda: solve(square(), snes_latin_tension_error=1e-9, snes_latin_stop="indicator"),
+    ),
     "warm_start": (r"hot.*none last extrapolate", lambda: solve(square(), snes_latin_warm_start="hot")),
     "no_reference": (
         r"SNESLatinSetReference\(\) \(in Python, latinpc.set_reference\(snes, u\); on the",

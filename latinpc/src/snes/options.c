@@ -14,6 +14,14 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* An option that was set, and that the stop does not use. Collective on snes */
+static PetscErrorCode SNESLatinBelongs_Private(SNES snes, PetscBool set, const char option[], LatinStopType stop)
+{
+  PetscFunctionBegin;
+  PetscCheck(!set || stop >= LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "%s belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", option, LatinStopTypes[stop]);
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
@@ -33,11 +41,13 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(SNESLatinSetStop(snes, stop));
   PetscCall(PetscOptionsHasName(((PetscObject)snes)->options, ((PetscObject)snes)->prefix, "-snes_stol", &data->given));
   PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop auto, error or energy", "SNESLatinSetError", error, &error, &set));
-  PetscCheck(!set || stop >= LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
+  PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_error", stop));
   if (set) PetscCall(SNESLatinSetError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", SNESLatinTensionTarget(data), &error, &set));
+  PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_tension_error", stop));
   if (set) PetscCall(SNESLatinSetTensionError(snes, error));
-  PetscCall(PetscOptionsReal("-snes_latin_balance", "Unbalanced forces to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
+  PetscCall(PetscOptionsReal("-snes_latin_balance", "Unbalanced forces to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, &set));
+  PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_balance", stop));
   PetscCall(SNESLatinSetBalance(snes, balance));
   PetscCall(PetscOptionsReal("-snes_latin_largest_unbalance", "Unbalanced force on a node to stop at, with -snes_latin_stop auto, error or energy; 0: any", "SNESLatinSetLargestUnbalance", data->unbalance, &error, &set));
   if (set) PetscCall(SNESLatinSetLargestUnbalance(snes, error));
