@@ -102,6 +102,11 @@ def given_options(options: Mapping[str, Any] | None) -> dict[str, Any]:
     return given
 
 
+def subdomain_options(number: int | None) -> dict[str, int]:
+    """Return the options that ask every solver of a structure for so many subdomains; none for None."""
+    return {} if number is None else {f"{family}_latin_subdomains": number for family in ("snes", "ksp", "pc")}
+
+
 def preset_files() -> dict[str, pathlib.Path]:
     """Return the files of ready-made sets by name; not collective."""
     package = pathlib.Path(__file__).resolve().parent

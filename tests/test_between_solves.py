@@ -5,6 +5,7 @@ import pytest
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.library import _latin
 from latinpc.options import default_options
 
 LU = {"ksp_type": "preonly", "pc_type": "lu"}
@@ -118,6 +119,37 @@ def test_the_inner_newton_method_takes_any_preconditioner_with_rigid_links():
     snes, v = solved(structure, snes_latin_newton_pc_type="lu")
     assert snes.getConvergedReason() > 0
     assert (u - v).norm() < 1e-6 * u.norm()
+
+
+@pytest.mark.parametrize("geometry", ["linear", "large"])
+def test_the_inner_newton_method_takes_options_that_are_corrected(geometry):
+    """After one of them has been refused."""
+    structure = net(geometry=geometry)
+    snes, u = structure.create_snes(), structure.create_vec()
+    options = {"snes_latin_error": 1e-10, "snes_latin_newton_ksp_type": "gmres"}
+    with default_options(options | {"snes_latin_newton_snes_type": "qn"}):
+        snes.setFromOptions()
+        with pytest.raises(PETSc.Error, match="qn is not Newton's method: take newtonls"):
+            snes.solve(None, u)
+    with default_options(options):
+        snes.setFromOptions()
+        snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    _, reference = solved(structure, snes_latin_error=1e-10)
+    assert u.getArray() == pytest.approx(reference.getArray(), abs=1e-9)
+
+
+def test_updates_are_called_in_load_cases():
+    """A case whose SNES has an update is solved by itself, as one with monitors is."""
+    structure, seen = net(), []
+    snes = structure.create_snes()
+    snes.setFromOptions()
+    snes.setUpdate(lambda snes, step: seen.append(step))
+    stages = np.zeros(2, PETSc.IntType)
+    displacements, tensions = [np.zeros((36, 2)) for _ in stages], [np.zeros(len(structure.links)) for _ in stages]
+    loads = tuple(part * structure.load for part in (1.0, 0.5))
+    _latin.solve_cases(snes, loads, (None, None), (None, None), displacements, tensions, stages)
+    assert seen or list(stages) == [-1, -1]
 
 
 def test_another_dm_is_another_structure():
@@ -248,6 +280,14 @@ def test_monitors_survive_changes_of_options_and_type(capfd):
     move(ts, u, 5)
     steps = [int(line.split()[0]) for line in capfd.readouterr().out.splitlines() if "energy: kinetic" in line]
     assert steps == [0, 1, 2, 2, 3]
+
+
+def test_views_after_another_structure_are_of_that_one(capfd):
+    ts, _, _ = moving(net(mass=1.0), **LU)
+    ts.setUp()
+    net(mass=1.0, side=4).attach(ts)
+    ts.view()
+    assert "structure" not in capfd.readouterr().out
 
 
 def on_a_floor():

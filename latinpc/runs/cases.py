@@ -18,7 +18,7 @@ from latinpc.arrays import REAL, native
 from latinpc.errors import LatinError, error_message
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
-from latinpc.options import default_options, given_options, unknown_options
+from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results.caselist import text
 from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
@@ -245,9 +245,8 @@ def solve_cases(
     if twice:
         raise ValueError(f"load cases have the same name, {', '.join(twice)}: tell them apart with Case.named()")
     structure = Structure.from_scene(scene, comm)
-    settings = given = given_options(options)
-    if subdomains is not None:
-        settings = given | {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
+    given = given_options(options)
+    settings = given | subdomain_options(subdomains)
     notices = [*unknown_options(), *structure.notices, *overstretched(structure)]
     start = time.perf_counter()
     with default_options(settings) as ours, errors_as_given(structure):

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.laws import UNILATERAL
-from latinpc.options import default_options, given_options, unknown_options
+from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results import tables
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import SolveError, errors_as_given
@@ -143,9 +143,7 @@ def move(
     every = max(-(-steps // FRAMES), 1) if every is None else every
     structure = Structure.from_scene(scene, comm)
     keeper = keeper or Keeper(structure.comm.tompi4py())
-    settings = keeper.options | given_options(options)
-    if subdomains is not None:
-        settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
+    settings = keeper.options | given_options(options) | subdomain_options(subdomains)
     u, v = structure.create_vec(), structure.create_vec()
     if scene.velocity is not None:
         structure.set_displacements(scene.velocity, v)

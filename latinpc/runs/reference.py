@@ -33,7 +33,7 @@ def reference_solution(structure):
     """Solve the structure by Newton's method with a direct solver, to rounding; collective.
 
     The energy is convex and its gradient piecewise linear, so full Newton steps end in a few iterations as
-    a rule. Where slack structure leave a mechanism the tangent stiffness is singular: then it is shifted, which
+    a rule. Where slack cables leave a mechanism the tangent stiffness is singular: then it is shifted, which
     makes proximal steps, and if they still go astray they are damped along the energy's slope. Options are
     read with the prefix ``reference_``.
 
@@ -87,11 +87,11 @@ def _newton(structure, u, search, shift):
         ksp.getPC().setType("cholesky")
         package = direct_solver(comm)[0]
         ksp.getPC().setFactorSolverType(package)
-        if package == "cholmod":  # its own ordering fills structures of a hundred thousand structure too much
+        if package == "cholmod":  # its own ordering fills structures of a hundred thousand links too much
             ksp.getPC().setFactorOrdering("nd")
         if shift:
             _shift(structure, snes, shift)
-        # a step that makes structure slack may raise the residual by orders before the next ones end it
+        # a step that makes links slack may raise the residual by orders before the next ones end it
         defaults = {"reference_snes_linesearch_type": search, "reference_snes_divergence_tolerance": -1}
         with default_options(defaults):
             snes.setFromOptions()
@@ -102,7 +102,7 @@ def _newton(structure, u, search, shift):
 
 
 def _shift(structure, snes, fraction):
-    """Add that fraction of the mean diagonal to the tangent: mechanisms of slack structure get a little stiffness."""
+    """Add that fraction of the mean diagonal to the tangent: mechanisms of slack cables get a little stiffness."""
     matrix = structure.dm.createMat()
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
 

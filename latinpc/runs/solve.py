@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
-from latinpc.options import default_options, given_options, unknown_options
+from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results.limit import bearing
 from latinpc.results.mechanics import relative
 from latinpc.results.notices import errors_as_given, magnitudes
@@ -70,11 +70,9 @@ def solve(
         raise ValueError(f"the loads need at least one increment, not {increments}")
     structure = Structure.from_scene(scene, comm) if structure is None else structure
     keeper = keeper or Keeper(structure.comm.tompi4py())
-    settings = keeper.options | given_options(options)
+    settings = keeper.options | given_options(options) | subdomain_options(subdomains)
     if increments > 1:
         settings = {"snes_latin_warm_start": "extrapolate"} | settings
-    if subdomains is not None:
-        settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
     notices = unknown_options()
     errors_against = None
     if isinstance(reference, PETSc.Vec):

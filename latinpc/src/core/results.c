@@ -166,7 +166,7 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
   m = latin->coarse.offset[i + 1] - latin->coarse.offset[i];
   PetscCall(LatinDenseCreate_Private(m, m, H));
   PetscCall(MatDenseGetArrayWrite(*H, &a));
-  if (latin->linear.stiffness.H) PetscCall(PetscArraycpy(a, latin->linear.stiffness.H + latin->linear.stiffness.h_offset[i], m * m));
+  if (latin->linear.stiffness.H) PetscCall(PetscArraycpy(a, latin->linear.stiffness.H + latin->linear.stiffness.h_offset[i], (size_t)m * (size_t)m));
   else if (m) PetscCall(LatinSubstructuresStiffnessAgain(&latin->linear, i, a));
   PetscCall(MatDenseRestoreArrayWrite(*H, &a));
   PetscCall(MatSetOption(*H, MAT_SYMMETRIC, PETSC_TRUE));

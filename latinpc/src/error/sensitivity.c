@@ -251,10 +251,10 @@ static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, P
   LatinStructure structure;
 
   PetscFunctionBegin;
-  PetscCall(LatinAroundCreate_Private(snes, "The energy bound", &around));
-  structure = around.structure;
-  for (PetscInt l = 0; l < structure->links_local; l++) bars = (PetscBool)(bars && LatinLaws[structure->law[l]].smooth);
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure));
+  for (PetscInt l = 0; structure && l < structure->links_local; l++) bars = (PetscBool)(bars && LatinLaws[structure->law[l]].smooth);
   LatinAgree(PetscObjectComm((PetscObject)snes), !bars, PETSC_ERR_SUP, "The energy bound is for linear structures, and this one has cables or compression-only links: -snes_latin_stop error estimates their error");
+  PetscCall(LatinAroundCreate_Private(snes, "The energy bound", &around));
   PetscCall(SNESComputeFunction(snes, around.u, around.r));
   PetscCall(LatinBoundAdd_Private(&around, &upper));
   PetscCall(LatinDigitsForces_Private(&around, LATIN_DIGITS_ROUNDING, 0));

@@ -18,7 +18,7 @@ static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure struc
   *suit = (PetscBool)(ranks == 1 && data->newton.finish && !data->newton.contrast && !structure->general && !structure->ground && !structure->span);
   *suit = (PetscBool)(*suit && (data->requested == LATIN_STOP_ERROR || (data->requested == LATIN_STOP_AUTO && !SNESLatinStolGiven(snes))));
   *suit = (PetscBool)(*suit && data->warm == LATIN_WARM_START_NONE && !data->reference && !(data->large.given && data->large.geometry != LATIN_GEOMETRY_LINEAR));
-  *suit = (PetscBool)(*suit && !data->monitor && !snes->numbermonitors && !snes->conv_hist && !(snes->ops->converged && snes->ops->converged != SNESConvergedDefault));
+  *suit = (PetscBool)(*suit && !data->monitor && !SNESLatinWatched(snes));
   PetscFunctionReturn(0);
 }
 

@@ -33,7 +33,7 @@ PetscBool SNESLatinUserTest(SNES snes)
 }
 
 /* Do monitors, history, test or update need the solution and the norm of the function during the iteration? */
-static PetscBool SNESLatinWatched(SNES snes)
+PetscBool SNESLatinWatched(SNES snes)
 {
   return (PetscBool)(SNESLatinUserTest(snes) || snes->numbermonitors || snes->conv_hist || snes->ops->update);
 }

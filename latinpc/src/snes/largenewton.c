@@ -274,8 +274,6 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
-  SNESLineSearch search;
-  const char    *prefix;
   SNES           newton;
   KSP            ksp;
   PC             pc;
@@ -284,30 +282,18 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 
   PetscFunctionBegin;
   if (*newnewton) PetscFunctionReturn(0);
-  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), newnewton));
-  newton = *newnewton;
-  PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton, (PetscObject)snes, 1));
-  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
-  PetscCall(SNESSetOptionsPrefix(newton, prefix));
-  PetscCall(SNESAppendOptionsPrefix(newton, "snes_latin_newton_"));
-  PetscCall(PetscObjectSetOptions((PetscObject)newton, ((PetscObject)snes)->options));
-  PetscCall(SNESSetType(newton, SNESNEWTONLS));
-  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT)); /* a step that is cut short counts */
-  PetscCall(SNESGetLineSearch(newton, &search));
-  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
-  PetscCall(SNESLineSearchShellSetApply(search, LatinLargeSearch_Private, snes));
+  PetscCall(SNESLatinInner_Private(snes, LatinLargeSearch_Private, snes, structure->midpoint ? KSPGMRES : KSPCG, &newton)); /* tangents of a time step are not symmetric */
+  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT));                                                          /* a step that is cut short counts */
   PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(KSPSetType(ksp, structure->midpoint ? KSPGMRES : KSPCG)); /* tangents of a time step are not symmetric */
-  if (!structure->midpoint) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_LARGE_PREDICT));
   PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, PCLATIN));
   PetscCall(PCLatinShare_Private(pc, data->latin));
-  PetscCall(SNESSetFromOptions(newton));
+  PetscCall(SNESLatinInnerOptions_Private(newton, &is));
   PetscCall(SNESSetConvergenceTest(newton, LatinLargeConverged_Private, snes, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinLargeLinear_Private, &data->large, NULL));
   PetscCall(LatinStructureAttachSNES(structure, newton));
+  *newnewton = newton;
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   if (!is) PetscFunctionReturn(0);
   PetscCall(LatinTurningMatCreate_Private(structure, &A));

@@ -324,10 +324,10 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
   if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->reached);
   PetscCall(LatinSupportsReset_Private(large));
+  for (PetscInt i = 0; i < 6; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(ierr);
   if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
   PetscCall(VecCopy(snes->vec_sol, large->solution));
-  for (PetscInt i = 0; i < 6; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }

@@ -47,7 +47,7 @@ PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &moves, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   supports->moves = (PetscBool)moves;
   if (!moves) PetscFunctionReturn(0);
-  if (!supports->given) PetscCall(PetscMalloc4(n, &supports->given, n, &supports->moved, m, &supports->vertex_given, m, &supports->vertex_moved));
+  if (!supports->given) PetscCall(PetscMalloc4(n + 1, &supports->given, n, &supports->moved, m, &supports->vertex_given, m, &supports->vertex_moved));
   PetscCall(PetscArraycpy(supports->given, structure->prescribed, n));
   PetscCall(PetscArraycpy(supports->vertex_given, structure->vertex_prescribed, m));
   for (PetscInt i = 0; i < n; i++) supports->moved[i] = structure->prescribed[i] - (first ? first[i] : 0.0);

@@ -369,57 +369,86 @@ PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES, prefix -snes_latin_newton_; `tangent`: preconditioner of the tangent stiffness. Collective on snes */
-PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tangent, LatinNewton *newton)
+/* An inner SNES, prefix -snes_latin_newton_: Newton's method with PC latin, natural norm of CG. Its options are not read yet. Collective on snes */
+PetscErrorCode SNESLatinInner_Private(SNES snes, PetscErrorCode (*apply)(SNESLineSearch, void *), void *ctx, KSPType type, SNES *newinner)
 {
   SNESLineSearch search;
   const char    *prefix;
-  char           type[64] = SNESNEWTONLS;
+  char           given[64] = SNESNEWTONLS;
+  PetscBool      is, cg;
+  SNES           inner;
   KSP            ksp;
   PC             pc;
-  Mat            A;
-  PetscBool      is, cg;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(PetscOptionsGetString(((PetscObject)snes)->options, prefix, "-snes_latin_newton_snes_type", given, sizeof(given), NULL));
+  PetscCall(PetscStrInList(given, "newtonls,newtontr,newtontrdc", ',', &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_newton_snes_type %s is not Newton's method: take newtonls, newtontr or newtontrdc", given);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &inner));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)inner, (PetscObject)snes, 1));
+  PetscCall(SNESSetOptionsPrefix(inner, prefix));
+  PetscCall(SNESAppendOptionsPrefix(inner, "snes_latin_newton_"));
+  PetscCall(PetscObjectSetOptions((PetscObject)inner, ((PetscObject)snes)->options));
+  PetscCall(SNESSetType(inner, SNESNEWTONLS));
+  PetscCall(SNESGetLineSearch(inner, &search));
+  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
+  PetscCall(SNESLineSearchShellSetApply(search, apply, ctx));
+  PetscCall(SNESGetKSP(inner, &ksp));
+  PetscCall(KSPSetType(ksp, type));
+  PetscCall(PetscStrcmp(type, KSPCG, &cg));
+  if (cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  *newinner = inner;
+  PetscFunctionReturn(0);
+}
+
+/* Reads the options of the inner SNES; other KSPs than CG have no natural norm. Collective on inner */
+PetscErrorCode SNESLatinInnerOptions_Private(SNES inner, PetscBool *cg)
+{
+  KSP ksp;
+
+  PetscFunctionBegin;
+  PetscCall(SNESSetFromOptions(inner));
+  PetscCall(SNESGetKSP(inner, &ksp));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, cg));
+  if (!*cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscFunctionReturn(0);
+}
+
+/* The inner SNES, prefix -snes_latin_newton_; `tangent`: preconditioner of the tangent stiffness. Collective on snes */
+PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tangent, LatinNewton *newton)
+{
+  SNES      inner;
+  KSP       ksp;
+  PC        pc;
+  Mat       A;
+  PetscBool is, cg;
 
   PetscFunctionBegin;
   if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
   newton->tangent = tangent;
   if (newton->snes) PetscFunctionReturn(0);
-  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &newton->snes));
-  PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton->snes, (PetscObject)snes, 1));
-  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
-  PetscCall(SNESSetOptionsPrefix(newton->snes, prefix));
-  PetscCall(SNESAppendOptionsPrefix(newton->snes, "snes_latin_newton_"));
-  PetscCall(PetscObjectSetOptions((PetscObject)newton->snes, ((PetscObject)snes)->options));
-  PetscCall(SNESSetType(newton->snes, SNESNEWTONLS));
-  PetscCall(SNESSetTolerances(newton->snes, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_NEWTON_STEPS, PETSC_DEFAULT));
-  PetscCall(SNESGetLineSearch(newton->snes, &search));
-  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
-  PetscCall(SNESLineSearchShellSetApply(search, LatinNewtonSearch_Private, newton));
-  PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPSetType(ksp, KSPCG));
-  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(SNESLatinInner_Private(snes, LatinNewtonSearch_Private, newton, KSPCG, &inner));
+  PetscCall(SNESSetTolerances(inner, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_NEWTON_STEPS, PETSC_DEFAULT));
+  PetscCall(SNESGetKSP(inner, &ksp));
   PetscCall(KSPSetTolerances(ksp, tangent ? LATIN_NEWTON_TIGHT : LATIN_NEWTON_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, PCLATIN));
   if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
   else PetscCall(PCLatinShare_Private(pc, latin));
-  PetscCall(SNESGetOptionsPrefix(newton->snes, &prefix));
-  PetscCall(PetscOptionsGetString(((PetscObject)snes)->options, prefix, "-snes_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrInList(type, "newtonls,newtontr,newtontrdc", ',', &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_newton_snes_type %s is not Newton's method: take newtonls, newtontr or newtontrdc", type);
-  PetscCall(SNESSetFromOptions(newton->snes));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
-  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
-  PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
+  PetscCall(SNESLatinInnerOptions_Private(inner, &cg));
+  PetscCall(SNESSetConvergenceTest(inner, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
   /* matrix-free tangent stiffness for PC latin, which needs no entries */
-  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
+  PetscCall(LatinStructureAttachSNES(newton->structure, inner));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  newton->snes = inner;
   if (!is) PetscFunctionReturn(0);
   PetscCall(PCLatinCorrected_Private(pc, cg));
   PetscCall(LatinTangentCreate_Private(newton->structure, &A));
-  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
+  PetscCall(SNESSetJacobian(inner, A, A, LatinNewtonJacobian_Private, newton));
   PetscCall(MatDestroy(&A));
   PetscFunctionReturn(0);
 }

@@ -269,6 +269,7 @@ static PetscErrorCode SNESReset_Latin(SNES snes)
   PetscFunctionBegin;
   if (data->latin) PetscCall(LatinReset_Private(data->latin));
   PetscCall(SNESLatinResetState_Private(snes));
+  PetscCall(PetscFree(data->large.ahead)); /* left where an error has ended a solve */
   PetscFunctionReturn(0);
 }
 

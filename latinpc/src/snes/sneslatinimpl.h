@@ -87,6 +87,8 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
+PETSC_INTERN PetscErrorCode SNESLatinInner_Private(SNES, PetscErrorCode (*)(SNESLineSearch, void *), void *, KSPType, SNES *);
+PETSC_INTERN PetscErrorCode SNESLatinInnerOptions_Private(SNES, PetscBool *cg);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
@@ -314,6 +316,7 @@ PETSC_INTERN PetscErrorCode SNESLatinNewton_Private(SNES, PetscBool stall);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
 PETSC_INTERN PetscBool           SNESLatinUserTest(SNES);
+PETSC_INTERN PetscBool           SNESLatinWatched(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);

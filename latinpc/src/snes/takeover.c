@@ -60,7 +60,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown) *done = PETSC_FALSE;
-  if (shown) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a linear solve has missed a soft mode */
+  if (!*done) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a linear solve has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) data->next = LATIN_NEXT_ROUNDING;
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));

@@ -128,15 +128,15 @@ static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, P
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(work->rows, &ld));
   PetscCall(PetscBLASIntCast(m, &all));
-  if (!n) PetscCall(PetscArrayzero(work->G, m * m));
+  if (!n) PetscCall(PetscArrayzero(work->G, (size_t)m * (size_t)m));
   for (PetscInt first = 0; first < m && n; first += LATIN_BATCH_COLUMNS) {
     rows    = all - (PetscBLASInt)first;
     columns = PetscMin(LATIN_BATCH_COLUMNS, rows);
-    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &rows, &columns, &ld, &one, work->B + n * (size_t)first, &ld, V + n * (size_t)first, &ld, &zero, work->G + first + m * first, &all));
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &rows, &columns, &ld, &one, work->B + n * (size_t)first, &ld, V + n * (size_t)first, &ld, &zero, work->G + (size_t)first + (size_t)m * (size_t)first, &all));
     PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)n * rows * columns));
   }
   for (PetscInt j = 0; j < m; j++)
-    for (PetscInt i = 0; i < j; i++) work->G[i + m * j] = work->G[j + m * i];
+    for (PetscInt i = 0; i < j; i++) work->G[(size_t)i + (size_t)m * (size_t)j] = work->G[(size_t)j + (size_t)m * (size_t)i];
   PetscFunctionReturn(0);
 }
 
@@ -162,7 +162,7 @@ static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscI
     PetscCall(LatinCholeskySolveSome(F, work->rows, work->row, m, Phi->a));
   } else if (linear->solvers->ksp[which]) PetscCall(LatinHomogeniseSolve_Private(linear, which, m, work, Phi->a, failed));
   else PetscCall(LatinHomogeniseProduct_Private(linear, which, m, work, Phi->a));
-  PetscCall(PetscMalloc2(some ? 0 : entries, &work->V, m * m, &work->G));
+  PetscCall(PetscMalloc2(some ? 0 : entries, &work->V, (size_t)m * (size_t)m, &work->G));
   for (PetscInt j = 0; j < m && !some; j++)
     for (PetscInt k = 0; k < work->rows; k++) work->V[(size_t)k + (size_t)work->rows * (size_t)j] = Phi->a[(size_t)work->row[k] + (size_t)Phi->rows * (size_t)j];
   PetscCall(LatinHomogeniseEnergies_Private(work, m, some ? Phi->a : work->V));
@@ -234,7 +234,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   PetscCall(PetscBLASIntCast(primals, &bp));
   PetscCall(PetscBLASIntCast(m, &bl));
   PetscCall(PetscBLASIntCast(PetscMax(linear->Phi[s].rows, 1), &br));
-  PetscCall(PetscMalloc4(macros * macros, &T, macros * primals, &N, macros * primals, &TN, rows * (size_t)macros, &VT));
+  PetscCall(PetscMalloc4((size_t)macros * macros, &T, (size_t)macros * primals, &N, (size_t)macros * primals, &TN, rows * (size_t)macros, &VT));
   if (kept) PetscCall(LatinHomogeniseKept_Private(linear, which, work, N, H));
   LatinHomogeniseMacro(linear, s, work, T, N, H);
   for (size_t i = rows * (size_t)macros; i < rows * (size_t)work->columns; i++) phi[i] = -phi[i];
@@ -243,7 +243,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   if (macros && !info) {
     PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &bm, T, &bm, &info));
     for (PetscInt j = 0; j < macros; j++)
-      for (PetscInt i = 0; i < j; i++) T[i + macros * j] = T[j + macros * i];
+      for (PetscInt i = 0; i < j; i++) T[(size_t)i + (size_t)macros * j] = T[(size_t)j + (size_t)macros * i];
     for (PetscInt j = 0; j < macros; j++)
       for (PetscInt i = 0; i < macros; i++) H[i + m * j] = T[i + macros * j] - (i == j ? 1.0 : 0.0);
     if (primals) {

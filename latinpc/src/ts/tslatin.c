@@ -305,6 +305,7 @@ static PetscErrorCode TSReset_Latin(TS ts)
   PetscCall(VecDestroy(&data->v_before));
   data->again   = data->started;
   data->started = data->moved = PETSC_FALSE;
+  data->step                  = NULL; /* borrowed: another structure may replace it */
   PetscFunctionReturn(0);
 }
 
