@@ -277,10 +277,6 @@ LARGE = {
         "linear stages",
         "An increment that takes longer is halved: with 100 a solve beyond a limit point takes more than 1000 stages.",
     ),
-    "LATIN_PATH_DRAWN": (
-        "of the loads",
-        "A prestress out of balance by more may move a structure further than its loads do.",
-    ),
     "LATIN_PATH_SOFTENED": (
         "ratio",
         "Without it a truss of two bars under twice its limit load snaps through.",

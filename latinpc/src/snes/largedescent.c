@@ -207,13 +207,28 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscFunctionReturn(0);
 }
 
+/* Is the energy under the loads themselves higher at x than at the start? */
+static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec start, Vec x, PetscBool *up)
+{
+  PetscReal from, to;
+  Vec       g;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(x, &g));
+  PetscCall(LatinDescentEnergy_Private(tao, start, &from, g, descent));
+  PetscCall(LatinDescentEnergy_Private(tao, x, &to, g, descent));
+  PetscCall(VecDestroy(&g));
+  *up = (PetscBool)(to > from);
+  PetscFunctionReturn(0);
+}
+
 /*
    Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, heavier ones are tried, if any, the heaviest first, and lighter ones
-   where these lead away; from what is found they fall. *reason: of the last descent. Collective on snes
+   where these lead away; from what is found they fall. Heavier ones may have snapped the structure through: where that is up the energy, the loads themselves get as many steps. *reason: of the last descent. Collective on snes
 */
 static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
 {
-  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE;
+  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE, up = PETSC_FALSE;
   PetscInt  steps;
   Vec       start;
 
@@ -221,7 +236,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscCall(VecDuplicate(x, &start));
   PetscCall(VecCopy(x, start));
   descent->times = 1.0;
-  descent->most  = descent->step ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
+  descent->most  = descent->step || heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
     if (!first) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
@@ -235,6 +250,11 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
       break;
     }
     done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS || heaviest <= 1.0 : descent->times == 1.0 || (falls && *reason < 0));
+    if (done && !first && !up && *reason > 0) {
+      PetscCall(LatinDescentUp_Private(tao, descent, start, x, &up));
+      if (up) PetscCall(VecCopy(start, x));
+      done = (PetscBool)!up;
+    }
     if (*reason > 0) falls = PETSC_TRUE;
     else PetscCall(VecCopy(start, x));
     descent->times = PetscMax(1.0, first ? heaviest : descent->times / LATIN_DESCENT_LIGHTER);

@@ -77,18 +77,19 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscFunctionReturn(0);
 }
 
-/* Root mean square differences of tensions a - b relative to those of b. Collective on structure */
+/* Root mean square differences of tensions a - b relative to those of b, none where b are what rounding of the lengths makes. Collective on structure */
 static PetscErrorCode LatinLargeDifference_Private(LatinStructure structure, const PetscReal a[], const PetscReal b[], PetscReal *difference)
 {
-  PetscReal sum[2] = {0.0, 0.0};
+  PetscReal sum[3] = {0.0, 0.0, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     sum[0] += PetscSqr(a[l] - b[l]);
     sum[1] += PetscSqr(b[l]);
+    for (PetscInt c = 0; c < structure->dim; c++) sum[2] += PetscSqr(structure->stiffness[l] * structure->span[structure->dim * l + c]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  *difference = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *difference = sum[1] > PetscSqr(LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON) * sum[2] ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   PetscFunctionReturn(0);
 }
 
@@ -302,20 +303,23 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscFunctionReturn(0);
 }
 
-/* l2 norm of the tensions at u, each times the size of the structure over its length: coordinates that are rounded turn a link by so much more, unless it keeps its direction. Collective on structure */
-static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u, PetscReal size, PetscReal *norm)
+/* l2 norm of what rounding of coordinates multiplies: the tensions at u, each times the size of the structure over its length, for it turns the link, unless that keeps its direction; without loads also the stiffnesses times that size, for it changes lengths. Collective on snes */
+static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal size, PetscReal *norm)
 {
-  const PetscInt dim = structure->dim;
-  PetscReal     *tension;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const PetscInt       dim       = structure->dim;
+  PetscReal           *tension, loads;
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, tension));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
   *norm = 0.0;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     PetscReal square = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) square += PetscSqr(structure->span[dim * l + c]);
+    if (!(loads > 0.0) && !LatinLaws[structure->law[l]].rigid) *norm += PetscSqr(structure->stiffness[l] * size);
     *norm += PetscSqr(tension[l]) * (1.0 + (LatinStructureKeeps(structure, l) ? 0.0 : PetscSqr(size) / square));
   }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
@@ -338,7 +342,7 @@ PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &moved));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &size, &prescribed));
-  PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, size, &tension));
+  PetscCall(LatinLargeTension_Private(snes, size, &tension));
   *rests = (PetscBool)(left <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * tension && moved <= LATIN_LARGE_NONE * size);
   PetscFunctionReturn(0);
 }
@@ -394,7 +398,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
-  PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
+  PetscCall(LatinLargeTension_Private(snes, large->size, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));

@@ -2,10 +2,9 @@
 
 /* Where the path of the loads starts: at what is drawn, at what a warm start or a guess gives, or down the energy from what is drawn */
 
-#define LATIN_PATH_PART        0.1  /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
-#define LATIN_PATH_DRAWN       1e-2 /* unbalanced forces as drawn, relative to the loads: less moves the structure less than the loads do */
-#define LATIN_PATH_RESIDUAL    0.1  /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
-#define LATIN_PATH_REFINEMENTS 3    /* and solves for what is left, steps of iterative refinement, show that it does not */
+#define LATIN_PATH_PART        0.1 /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
+#define LATIN_PATH_RESIDUAL    0.1 /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
+#define LATIN_PATH_REFINEMENTS 3   /* and solves for what is left, steps of iterative refinement, show that it does not */
 
 /* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
 PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
@@ -115,14 +114,11 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
 static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   left, loads;
 
   PetscFunctionBegin;
   PetscCall(LatinPathLoad_Private(snes, path, 0.0));
-  PetscCall(SNESComputeFunction(snes, path->u, path->step));
-  PetscCall(VecNorm(path->step, NORM_2, &left));
-  PetscCall(VecNorm(path->whole, NORM_2, &loads));
-  *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
+  PetscCall(VecCopy(path->u, snes->vec_sol));
+  PetscCall(SNESLatinLargeRests_Private(snes, starts));
   if (!*starts) {
     PetscCall(SNESLatinLargeProof_Private(snes, path->u, starts));
     *starts = (PetscBool)(*starts && LatinNextConverged(data->next));

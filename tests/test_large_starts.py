@@ -1,0 +1,104 @@
+"""Large displacements: where paths start, and states without loads."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+
+
+def post(load, prestress=0.0):
+    """A cable with two nodes from a support to the top of a hinged post, which a backstay holds."""
+    forces = np.zeros((6, 2))
+    forces[[1, 2], 1] = load
+    return latinpc.Structure(
+        [[0, 2], [2, 1.3], [4, 1.3], [6, 2], [-4, 0], [0, -1]], [[0, 1], [1, 2], [2, 3], [0, 4], [0, 5]],
+        ["cable"] * 4 + ["bar"], EA=[3e7] * 4 + [3e8], prestress=[prestress] * 4 + [0.0],
+        fixed=[[0, 0]] * 3 + [[1, 1]] * 3, load=forces, geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def truss(heat):
+    """A determinate truss whose lower chord is warmed by so many degrees."""
+    nodes = [[i, 0.0] for i in range(6)] + [[i + 0.5, 0.8] for i in range(5)]
+    links = [(i, i + 1) for i in range(5)] + [(6 + i, 7 + i) for i in range(4)]
+    links += [(i, 6 + i) for i in range(5)] + [(i + 1, 6 + i) for i in range(5)]
+    fixed = np.zeros((11, 2), bool)
+    fixed[0], fixed[5, 1] = True, True
+    elongation = np.where(np.arange(len(links)) < 5, -1.2e-5 * heat, 0.0)
+    return latinpc.Structure(
+        nodes, links, "bar", EA=1e6, fixed=fixed, initial_elongation=elongation, geometry="large", comm=PETSc.COMM_SELF
+    )
+
+
+def fan(seed):
+    """An arch of bars on soft spokes, all of wrong length."""
+    angle = np.linspace(0.0, np.pi, 9)
+    nodes = np.vstack([np.stack([np.cos(angle), np.sin(angle)], 1), [[0.0, 0.0]]])
+    links = [(i, i + 1) for i in range(8)] + [(9, i) for i in range(1, 8)]
+    fixed = np.zeros((10, 2), bool)
+    fixed[[0, 8, 9]] = True
+    wrong = np.random.default_rng(seed).uniform(-0.15, 0.15, len(links))
+    return latinpc.Structure(
+        nodes, links, "bar", EA=[1e6] * 8 + [1e4] * 7, fixed=fixed, initial_elongation=wrong, geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("load", [(-10.0, 0.0), (-50.0, -160.0), (-1000.0, 0.0), (-5000.0, -500.0)])
+def test_heavier_loads_leave_no_state_that_is_higher_than_the_drawing(load):
+    """They turn the post upside down; the loads themselves press it by less than twice what they are."""
+    structure = post(load)
+    found = structure.solve()
+    u = structure.create_vec()
+    structure.set_displacements(found.displacements, u)
+    assert found.converged
+    assert structure.energy(u) < 0.0
+    assert -4.0 * abs(sum(load)) < found.tensions[4] < 0.0
+
+
+@pytest.mark.parametrize("load", [-1000.0, -2000.0, -5000.0, -10000.0])
+def test_a_prestress_that_loads_outweigh_need_not_be_in_balance(load):
+    """Unbalanced forces of a hundredth of the loads and less move soft cables further than the first increments do."""
+    found = post((load, 0.3 * load), prestress=20.0).solve()
+    assert found.converged
+    assert found.tensions[4] < 0.0
+
+
+@pytest.mark.parametrize("warm", ["none", "last", "extrapolate"])
+def test_loads_that_are_taken_off(warm):
+    structure = latinpc.Structure(
+        [[-1, 0], [1, 0], [0, 1.0]], [[0, 2], [1, 2]], "bar", EA=1e4, fixed=[[1, 1], [1, 1], [0, 0]], geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    snes, u, options = structure.create_snes(), structure.create_vec(), PETSc.Options("off_")
+    snes.setOptionsPrefix("off_")
+    options["snes_latin_warm_start"] = warm
+    snes.setFromOptions()
+    options.delValue("snes_latin_warm_start")
+    moved = []
+    for part in (1.0, 0.0, 1.0, 0.5, 0.0):
+        structure.set_load([[0, 0], [0, 0], [0.3 * part, -30.0 * part]])
+        snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        moved.append(u.norm())
+    assert moved[1] < 1e-14 and moved[4] < 1e-14
+    assert moved[2] == pytest.approx(moved[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("heat", [13, 34, 38, 40, 42, 44, 47, 73, 81])
+def test_a_determinate_truss_takes_up_heat_without_forces(heat):
+    """The truss bends: its lower chord grows, all other bars keep their lengths."""
+    structure = truss(heat)
+    found = structure.solve()
+    ends = (structure.nodes + found.displacements)[structure.links]
+    grown = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / structure.lengths - 1.0
+    assert found.converged
+    assert grown == pytest.approx(np.where(np.arange(19) < 5, 1.2e-5 * heat, 0.0), abs=1e-12)
+    assert np.abs(found.tensions).max() < 1e-5
+
+
+@pytest.mark.parametrize("seed", [3, 11, 29])
+def test_wrong_lengths_find_their_shape(seed):
+    """A descent without loads has no heavier ones to go on with: it takes the steps it needs."""
+    assert fan(seed).solve().converged
