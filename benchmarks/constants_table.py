@@ -403,7 +403,7 @@ TUNING = {
         so="More change nothing; 2 costs 3 percent, 1 saves 5 and solves a case that is refused now.",
     ),
     "LATIN_STEP_CLOSED": Tuning(
-        "of the free flight",
+        "of the flight",
         "contacts that are closed",
         (*MOTIONS, "extremes, motions"),
         values=(6.25e-06, 2.5e-05, 0.0004, 0.0016),

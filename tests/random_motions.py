@@ -10,7 +10,7 @@ from random_structures import Draw, draws
 
 from latinpc.scenes import Law
 
-CLOSED = 1e-4  # of the free flight of a step: LATIN_STEP_CLOSED, gaps that are none
+CLOSED = 1e-4  # of the flight of a step: LATIN_STEP_CLOSED, gaps that are none
 NOTHING = 1e-10  # of the forces that displacements without strains would make, where all others have died away
 
 
@@ -137,7 +137,7 @@ def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
     inner, rate = b.T @ tension, b @ w
     force = max((abs(b).T @ abs(tension)).max(), abs(change[free]).max(initial=0.0), abs(scene.load).max(), 1e-300)
     force = max(force, NOTHING * (abs(b).T @ (scene.stiffness * (abs(b) @ abs(u.ravel())))).max())
-    flown = np.where(free & (m > 0), h * v.ravel() + h * h * scene.load.ravel() / np.where(m > 0, m, 1.0), 0.0)
+    flown = _flown(scene, h, u, v)
     far = max(abs(flown).max(), abs(w).max(), 1e-300)
     x = b @ u.ravel() + scene.initial_elongation
     rows = abs(b).T @ (scene.stiffness * abs(b).sum(axis=1)) + m / h**2
@@ -147,6 +147,21 @@ def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
         "displacement": abs(new_u - u - h * np.where(scene.fixed, 0.0, new_v)).max() / max(abs(u).max(), far),
         **{name: value for name, value in _laws(scene, x, rate, tension, CLOSED * abs(flown).max(), force, far)},
     }
+
+
+def _flown(scene, h, u, v):
+    """How far components move in a step without rigid links and neighbours, from the elastic forces at its start."""
+    b, m = kinematics(scene), np.repeat(scene.mass, scene.dim)
+    x = b @ u.ravel() + scene.initial_elongation
+    taut = (
+        (scene.law == Law.BAR)
+        | ((scene.law == Law.CABLE) & (x >= 0))
+        | ((scene.law == Law.COMPRESSION_ONLY) & (x <= 0))
+    )
+    stiffness = np.where(taut, scene.stiffness, 0.0)
+    left = scene.load.ravel() + m * v.ravel() / h - b.T @ (stiffness * x)
+    holds = m / h**2 + (b * b).T @ stiffness
+    return np.where(~scene.fixed.ravel() & (holds > 0), left / np.where(holds > 0, holds, 1.0), 0.0)
 
 
 def _laws(scene, x, rate, tension, closed, force, far):

@@ -80,7 +80,7 @@ PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal
   PetscFunctionReturn(0);
 }
 
-/* *far: u exceeds the size of the structure, the prescribed displacements and the gaps together. As the theory is of small displacements, few solutions do, and only these need a proof. Collective on structure */
+/* *far: u exceeds the size of the structure, the prescribed displacements and, in statics, the gaps together. As the theory is of small displacements, few solutions do, and only these need a proof. Collective on structure */
 PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, PetscBool *far)
 {
   PetscReal size, prescribed, most, gaps = 0.0;
@@ -88,7 +88,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionBegin;
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]);
+    if (!structure->ground && LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]); /* infinite in a step where a link is not active */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &gaps, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   *far = (PetscBool)(most > PetscMax(size, PetscMax(prescribed, gaps)));

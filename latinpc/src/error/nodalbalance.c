@@ -157,7 +157,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     push = PetscSqrtReal(push);
     at->tension += tension;
     at->bearing += rigid ? 0.0 : tension;
-    at->gaps += k * (ends + e0) + tension;
+    at->gaps += k * (ends + (rigid && structure->ground ? 0.0 : e0)) + tension;
     LatinNodalAlong(latin, l, x, bears, e0 + ends, own, each, at);
     if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
   }

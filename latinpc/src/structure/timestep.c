@@ -14,12 +14,12 @@
    any other one the law holds for w itself: it must not be stretched, or closed, further. In w supports move by the
    increments of their prescribed displacements, so that they push and pull. Both cases are initial elongations again, infinite
    and zero, so that operators do not change. A closed contact must not open by the error of a solver: gaps count as closed up to
-   LATIN_STEP_CLOSED of the free flight of the step.
+   LATIN_STEP_CLOSED of the flight of the step without rigid links.
 */
 
 #define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative difference by rounding of equal lengths of steps */
 #define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: the gap of a link that is not active in a step */
-#define LATIN_STEP_CLOSED 1e-4                         /* of the free flight of a step: greatest gap of closed contacts; with four times as much two motions of the catalogue are refused */
+#define LATIN_STEP_CLOSED 1e-4                         /* of the flight of a step: greatest gap of closed contacts; with four times as much two motions of the catalogue are refused */
 
 /*@C
   LatinStructureSetMass - Sets the masses of the nodes of this rank, [nodes_local], >= 0, for dynamics.
@@ -205,21 +205,56 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* *flight: largest displacement of supports and of nodes without the forces of links in the step. Collective on step */
+/* Subtracts the forces of elastic links at the start of the step, with strains step->e0, from f, and adds the diagonal of their tangent stiffness to d. Collective on step */
+static PetscErrorCode LatinStepElastic_Private(LatinStructure step, Vec f, Vec d)
+{
+  const LatinStructure base = step->base;
+  const PetscInt       dim  = base->dim;
+  Vec                  local[2];
+  PetscScalar         *a[2];
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < 2; k++) PetscCall(DMGetLocalVector(step->dm, &local[k]));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(VecZeroEntries(local[k]));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(VecGetArray(local[k], &a[k]));
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    const PetscReal *n = base->direction + dim * l;
+
+    if (LatinLaws[base->law[l]].rigid) continue;
+    for (PetscInt i = 0; i < 2 * dim; i++) {
+      const PetscInt at = dim * base->ends[2 * l + i / dim] + i % dim;
+
+      a[0][at] += (i < dim ? 1.0 : -1.0) * n[i % dim] * LatinStructureTension(base, NULL, l, step->e0[l]);
+      a[1][at] += PetscSqr(n[i % dim]) * LatinStructureTangent(base, l, step->e0[l]);
+    }
+  }
+  for (PetscInt k = 0; k < 2; k++) PetscCall(VecRestoreArray(local[k], &a[k]));
+  PetscCall(DMLocalToGlobal(step->dm, local[0], ADD_VALUES, f));
+  PetscCall(DMLocalToGlobal(step->dm, local[1], ADD_VALUES, d));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(DMRestoreLocalVector(step->dm, &local[k]));
+  PetscFunctionReturn(0);
+}
+
+/* *flight: largest displacement in the step, of supports, and of nodes without the forces of rigid links and of neighbours. Collective on step */
 static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
 {
-  Vec                w, local;
+  Vec                w, d, local;
   const PetscScalar *a;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(step->dm, &w));
+  PetscCall(DMGetGlobalVector(step->dm, &d));
   PetscCall(DMGetLocalVector(step->dm, &local));
-  PetscCall(VecPointwiseDivide(w, step->load, step->ground));
+  PetscCall(VecCopy(step->load, w));
+  PetscCall(VecCopy(step->ground, d));
+  PetscCall(LatinStepElastic_Private(step, w, d));
+  PetscCall(VecPointwiseDivide(w, w, d));
   PetscCall(LatinStructureGetLocal_Private(step, step->vertex_prescribed, w, local));
   PetscCall(VecGetArrayRead(local, &a));
   for (PetscInt i = 0; i < step->dim * (step->vertices - step->unlinked); i++) *flight = PetscMax(*flight, PetscAbsScalar(a[i]));
   PetscCall(VecRestoreArrayRead(local, &a));
   PetscCall(DMRestoreLocalVector(step->dm, &local));
+  PetscCall(DMRestoreGlobalVector(step->dm, &d));
   PetscCall(DMRestoreGlobalVector(step->dm, &w));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flight, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)step)));
   PetscFunctionReturn(0);
@@ -238,9 +273,11 @@ static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
     PetscCall(LatinTurningMove_Private(base, step->vertex_held, u, step->span, step->e0));
     PetscFunctionReturn(0);
   }
-  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
   PetscCall(LatinStructureElongations_Private(base, step->vertex_held, u, step->e0));
-  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l] + base->e0[l], LATIN_STEP_CLOSED * flight);
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] += base->e0[l];
+  if (base->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(LatinStepFlight_Private(step, &flight));
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
   PetscFunctionReturn(0);
 }
 
