@@ -29,10 +29,11 @@ def checked_name(name: Any) -> None:
 
 
 def checked_shapes(given: Mapping[str, Any], dtype=REAL, least: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Check the shapes of nodes and links, at least so many of either; return them as arrays."""
+    """Check shapes, and that coordinates are finite, of at least so many nodes and links; return them as arrays."""
     nodes = real("nodes", given["nodes"], dtype)
     if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) < least:
         raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
+    refuse(~np.isfinite(nodes), "node", "has a coordinate that is not finite", nodes)
     links = integers("links", given["links"]).astype(np.int64, copy=False)
     if links.ndim != 2 or links.shape[1] != 2 or len(links) < least:
         raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
@@ -120,7 +121,6 @@ class Checks:
 
     def geometry(self, nodes, links, direction, named):
         """Check nodes and links, which messages name; return the directions as an array, None without any."""
-        refuse(~np.isfinite(nodes), "node", "has a coordinate that is not finite", nodes)
         refuse(
             (links < 0) | (links >= len(nodes)),
             "link",

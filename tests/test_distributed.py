@@ -160,8 +160,11 @@ structure = make()
 structure.set_load(np.ones((3, 1)))
 assert structure.solve().converged
 first = 3 * (comm.size - 1)
+ahead = 3 * comm.rank + np.array([[0, 1], [1, 2], [2, 3]])[: 2 if last else 3]  # the rank before has the node at a link
 cases = {
-    "a coordinate that is not finite": lambda: make(nodes=np.full((3, 1), np.nan)),
+    "node 0 ([nan]) has a coordinate that is not finite": lambda: make(
+        {"links": ahead}, nodes=[[np.nan], [first + 1], [first + 2]]
+    ),
     "joins a node that does not exist": lambda: make(links=[[first, first + 3]]),
     "joins a node to itself": lambda: make(links=[[first, first]]),
     "a positive stiffness": lambda: make(stiffness=-1.0),
