@@ -1,6 +1,7 @@
 """Check the arrays of the caller, and distribute them over the ranks."""
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -9,8 +10,8 @@ from petsc4py import PETSc
 from latinpc.laws import Law
 
 __all__ = [
-    "REAL", "Parts", "Slices", "Solver", "agreed", "block", "communicator", "index_set", "integers", "native",
-    "partition", "real", "refuse", "shaped", "slices_of",
+    "REAL", "Parts", "Slices", "Solver", "agreed", "alike", "block", "communicator", "index_set", "integers",
+    "native", "partition", "real", "refuse", "shaped", "slices_of",
 ]  # fmt: skip
 
 REAL = np.dtype(PETSc.RealType)
@@ -106,6 +107,25 @@ def agreed(comm, function, *arguments):
     if first < comm.size:
         raise ValueError(f"rank {first}: {comm.bcast(error, root=first)}")
     return value
+
+
+def alike(comm, **arguments):
+    """Refuse arguments that are not the same on every rank, whose calls would wait for each other; collective."""
+    if comm.size == 1:
+        return
+    mine = {name: _words(value) for name, value in arguments.items()}
+    if comm.allreduce(mine == comm.bcast(mine), op=MPI.LAND):
+        return
+    said = comm.allgather(mine)
+    name = next(name for one in said for name in one if any(one[name] != other.get(name) for other in said))
+    first, *others = (one.get(name, "not given") for one in said)
+    rank, other = next((rank, text) for rank, text in enumerate(others, 1) if text != first)
+    raise ValueError(f"ranks differ in {name}: {first} on rank 0, {other} on rank {rank}; give every rank the same")
+
+
+def _words(value):
+    """Return an argument as text, a mapping in an order of its own."""
+    return repr(dict(sorted(value.items(), key=str)) if isinstance(value, Mapping) else value)
 
 
 def index_set(comm, numbers):

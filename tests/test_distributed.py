@@ -188,6 +188,22 @@ for text, call in {
     "stiffness is given on some ranks": lambda: make(stiffness=None, EA=1.0),
     "prestress is given on some ranks": lambda: make(prestress=1.0),
     "give either stiffness": lambda: make({"EA": 1.0}),
+    "differ in geometry: 'linear' on rank 0, 'foo' on rank": lambda: make(geometry="foo"),
+    "differ in geometry: 'linear' on rank 0, 'prestress'": lambda: structure.set_geometry(
+        "prestress" if last else "linear"
+    ),
+    "differ in error: None on rank 0, -1 on rank": lambda: structure.solve(error=-1 if last else None),
+    "differ in largest_unbalance": lambda: structure.solve(largest_unbalance=-1 if last else None),
+    "differ in preset": lambda: structure.solve(preset="foo" if last else "fast"),
+    "differ in options: {'snes_max_it': 9} on rank 0, 3 on": lambda: structure.solve(
+        options=3 if last else {"snes_max_it": 9}
+    ),
+    "differ in root: None on rank 0, 77 on rank": lambda: structure.solve().gather(root=77 if last else None),
+    "differ in path": lambda: structure.solve().to_vtu("no.vtu" if last else "no.pvtu"),
+    "differ in modules": lambda: latinpc.local_scene("tensegrity-grid", modules=-4 if last else 4),
+    "differ in parts: not given on rank 0, 2 on": lambda: latinpc.local_scene(
+        "tensegrity-grid", modules=4, **({"parts": 2} if last else {})
+    ),
 }.items():
     if comm.size == 1:
         break
@@ -211,7 +227,7 @@ comm.barrier()
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_bad_parts_are_named_on_every_rank(mpirun, tmp_path, ranks):
-    """An error of the last rank is one of all, with its number; nothing waits."""
+    """An error of the last rank is one of all, with its number, and so is what it alone is given; nothing waits."""
     (tmp_path / "file").write_text("")
     run = mpirun(ranks, BAD, tmp_path / "file" / "no.pvtu")
     assert run.stdout.count("named") == ranks

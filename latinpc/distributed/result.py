@@ -11,6 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc import solvers
+from latinpc.arrays import alike
 from latinpc.checks import ARRAYS
 from latinpc.geometry import Geometry
 from latinpc.laws import UNILATERAL, Law
@@ -94,6 +95,7 @@ class LocalResult(Reported):
             ``modes``: of its arrays every rank can make one.
         """
         comm, structure = self.structure.comm.tompi4py(), self.structure
+        alike(comm, root=root)
         if root is not None and root not in range(comm.size):
             raise ValueError(f"root {root} is none of the ranks 0 to {comm.size - 1}: without it all get the whole")
         arrays = {name: _whole(comm, self._acted.get(name, getattr(structure, name)), root) for name in ARRAYS}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from latinpc.arrays import communicator
+from latinpc.arrays import alike, communicator
 from latinpc.scenes.tensegrity_grid import grid_part
 
 from .structure import LocalStructure
@@ -32,8 +32,9 @@ def local_scene(name: str, comm: Any = None, **options: Any) -> LocalStructure:
     LocalStructure
         Its nodes have the numbers of the whole scene; its links lie in blocks of subdomains.
     """
+    comm = communicator(comm)
+    alike(comm.tompi4py(), name=name, **options)
     if name not in PARTS:
         raise ValueError(f"scene {name!r} is not made in parts: choose from {', '.join(PARTS)}")
-    comm = communicator(comm)
     arrays, _ = PARTS[name](name, **options, rank=comm.rank, ranks=comm.size)
     return LocalStructure(**arrays, comm=comm, name=name)

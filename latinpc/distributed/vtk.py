@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from latinpc.arrays import alike
 from latinpc.results.atomic import atomic, follow
 from latinpc.results.vtk import write_vtu
 
@@ -30,8 +31,11 @@ def write_pvtu(path, result):
     ------
     OSError
         On every rank, where one cannot write.
+    ValueError
+        On every rank: another suffix, or names that differ.
     """
     path, comm = pathlib.Path(path), result.structure.comm.tompi4py()
+    alike(comm, path=str(path))
     if path.suffix.lower() != ".pvtu":
         raise ValueError(f"{path}: results of several ranks are written as .pvtu")
     part = _part(result)

@@ -11,6 +11,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import accuracy, errors, solvers
+from latinpc.arrays import alike
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
@@ -39,6 +40,8 @@ def solve(
     found: Callable[..., Any] | None = None,
 ) -> Result:
     """Solve as `latinpc.Structure.solve` says; `found` makes the result, by default `gather`; collective."""
+    how = {"error": error, "largest_unbalance": largest_unbalance, "preset": preset, "options": options}
+    alike(structure.comm.tompi4py(), **how, raise_on_failure=raise_on_failure)
     asked = {"snes_latin_error": error, "snes_latin_largest_unbalance": largest_unbalance}
     asked = {name: value for name, value in asked.items() if value is not None}
     comm, given = structure.comm, asked | given_options(options)
