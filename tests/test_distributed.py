@@ -1,6 +1,7 @@
 """Structures of which each rank gives its part: the same solution as the whole, errors named on every rank, files."""
 
 import json
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import meshio
@@ -30,13 +31,14 @@ def shared(scene, seed=0, **more):
     return latinpc.LocalStructure(
         scene.nodes[nodes], scene.links[links], scene.law[links], scene.stiffness[links],
         scene.initial_elongation[links], scene.fixed[nodes], scene.prescribed[nodes], scene.load[nodes],
-        direction=None if scene.direction is None else scene.direction[links], **more
+        direction=None if scene.direction is None else scene.direction[links], area=np.full(len(links), 1e-4),
+        strength=np.full(len(links), 1e8), **more
     ), links
 
 found = {}
-for name, how in (("network", {"nodes": 200}), ("lattice", {"nx": 12, "ny": 8}), ("net", {})):
-    scene = make(name, **how)
-    structure, links = shared(scene, geometry=scene.geometry)
+for name, how in json.loads(sys.argv[2]).items():
+    scene, geometry = make(name, **how), "prestress" if name == "saddle" else None
+    structure, links = shared(scene, geometry=geometry or scene.geometry)
     own = structure.solve(error=1e-8)
     assert own.displacements.shape == structure.nodes.shape and own.tensions.shape == (len(links),)
     whole, order = own.gather(), np.concatenate(comm.allgather(links))
@@ -46,10 +48,12 @@ for name, how in (("network", {"nodes": 200}), ("lattice", {"nx": 12, "ny": 8}),
         "u": whole.displacements.tolist(), "tensions": tensions.tolist(), "reactions": whole.reactions.tolist(),
         "converged": own.converged, "slack": int(whole.slack.sum()), "summary": len(str(whole)),
     }
-    if scene.geometry == "linear":
-        mine = np.concatenate(comm.allgather(own.reactions()))
-        np.testing.assert_allclose(mine, whole.reactions, atol=1e-9 * abs(mine).max())
+    mine = np.concatenate(comm.allgather(own.reactions()))
+    np.testing.assert_allclose(mine, whole.reactions, atol=1e-9 * abs(mine).max())
     assert comm.allreduce(own.gather(root=0) is not None) == 1
+    if name in ("mast", "saddle"):
+        own.to_vtu(f"{sys.argv[1]}.{name}.pvtu")
+        comm.rank or whole.to_vtu(f"{sys.argv[1]}.{name}.vtu")
     reports = comm.allgather(json.dumps(own.report))
     assert all(text == reports[0] for text in reports)
 if not comm.rank:
@@ -57,18 +61,52 @@ if not comm.rank:
 """
 
 
+def compare_files(parts, ranks, whole=None):
+    """Hold an index and its pieces against one file: each link once, every array, ghosts with the values of nodes."""
+    index = parts.with_name(f"{parts.name}.pvtu").read_text()
+    pieces = [meshio.read(parts / f"{rank:05d}.vtu") for rank in range(ranks)]
+    whole = meshio.read(whole or parts.with_name(f"{parts.name}.vtu"))
+    assert index.count("<Piece ") == ranks
+    for name in [*whole.point_data, *whole.cell_data]:
+        assert index.count(f'Name="{name}"') == 1, name
+    names = [name for name in whole.cell_data if name != "subdomain"]
+
+    def rows(mesh):
+        middle = mesh.points[mesh.cells[0].data].mean(axis=1)
+        return np.column_stack([middle, *(mesh.cell_data[name][0] for name in names)])
+
+    mine, theirs = (np.vstack([rows(mesh) for mesh in meshes]) for meshes in (pieces, [whole]))
+    assert mine.shape == theirs.shape
+    order = [np.lexsort(np.round(values, 6).T[2::-1]) for values in (mine, theirs)]
+    np.testing.assert_allclose(mine[order[0]], theirs[order[1]], rtol=1e-6, atol=1e-6)
+    at = {tuple(x): node for node, x in enumerate(np.round(whole.points, 6))}
+    for mesh in pieces:
+        nodes = [at[tuple(x)] for x in np.round(mesh.points, 6)]
+        for name in ("displacement", "load", "fixed", "reaction"):
+            values = whole.point_data[name]
+            np.testing.assert_allclose(mesh.point_data[name], values[nodes], atol=1e-9 * (abs(values).max() or 1.0))
+
+
+#: The mast has large displacements, the saddle those of its prestress
+IN_PARTS = {"network": {"nodes": 200}, "lattice": {"nx": 12, "ny": 8}, "net": {}, "mast": {}, "saddle": {}}
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_parts_solve_as_the_whole(mpirun, tmp_path, ranks):
     """Links anywhere, nodes in blocks: displacements, tensions, reactions and counts of the whole structure."""
-    mpirun(ranks, SOLVE, tmp_path / "found.json")
+    mpirun(ranks, SOLVE, tmp_path / "found.json", json.dumps(IN_PARTS))
     found = json.loads((tmp_path / "found.json").read_text())
-    for name, how in (("network", {"nodes": 200}), ("lattice", {"nx": 12, "ny": 8}), ("net", {})):
-        whole, mine = make(name, **how).solve(error=1e-8), found[name]
+    for name, how in IN_PARTS.items():
+        scene = make(name, **how)
+        whole, mine = replace(scene, geometry="prestress" if name == "saddle" else scene.geometry), found[name]
+        whole = whole.solve(error=1e-8)
         assert mine["converged"] and whole.converged
         assert mine["slack"] == whole.slack.sum()
         for key, values in (("u", whole.displacements), ("tensions", whole.tensions), ("reactions", whole.reactions)):
             far = np.linalg.norm(np.array(mine[key]) - values)
             assert far <= 1e-6 * np.linalg.norm(values), (name, key)
+    for name in ("mast", "saddle"):
+        compare_files(tmp_path / f"found.json.{name}", ranks)
 
 
 @pytest.mark.parametrize("ranks", [1, 3, 4])
@@ -116,26 +154,7 @@ if own.structure.comm.rank == 0:
 def test_a_grid_in_parts_and_its_files(mpirun, tmp_path, ranks):
     """As many iterations as the whole; the files of the ranks have each link once, with the values of the one file."""
     mpirun(ranks, GRID, tmp_path / "parts.pvtu", tmp_path / "whole.vtu")
-    index = (tmp_path / "parts.pvtu").read_text()
-    pieces = [meshio.read(tmp_path / f"parts/{rank:05d}.vtu") for rank in range(ranks)]
-    whole = meshio.read(tmp_path / "whole.vtu")
-    assert index.count("<Piece ") == ranks
-    for name in [*whole.point_data, *whole.cell_data]:
-        assert index.count(f'Name="{name}"') == 1, name
-
-    def rows(mesh, names):
-        middle = mesh.points[mesh.cells[0].data].mean(axis=1)
-        return np.column_stack([middle, *(mesh.cell_data[name][0] for name in names)])
-
-    names = ("tension", "elongation", "slack", "law")
-    mine, theirs = (np.vstack([rows(mesh, names) for mesh in meshes]) for meshes in (pieces, [whole]))
-    assert mine.shape == theirs.shape
-    order = [np.lexsort(np.round(values, 6).T[::-1]) for values in (mine, theirs)]
-    np.testing.assert_allclose(mine[order[0]], theirs[order[1]], atol=1e-6)
-    at = {tuple(x): u for x, u in zip(np.round(whole.points, 6), whole.point_data["displacement"])}
-    for mesh in pieces:  # ghosts have the values of their nodes
-        for x, u in zip(np.round(mesh.points, 6), mesh.point_data["displacement"]):
-            np.testing.assert_allclose(u, at[tuple(x)], atol=1e-9)
+    compare_files(tmp_path / "parts", ranks, tmp_path / "whole.vtu")
 
 
 BAD = """

@@ -36,7 +36,7 @@ __all__ = ["LocalResult", "gather_local"]
 class LocalResult(Reported):
     """What a solve has found; arrays are of this rank's nodes and links, in the caller's order.
 
-    Nothing here is collective but `reactions`, `to_vtu` and `gather`.
+    Nothing here is collective but `reactions`, `part`, `to_vtu` and `gather`.
     """
 
     structure: LocalStructure  #: what was solved
@@ -58,21 +58,35 @@ class LocalResult(Reported):
     def reactions(self) -> np.ndarray:
         """Return the forces of the supports on this rank's nodes (N), zero where nothing is fixed; collective.
 
-        Of structures of geometry ``"linear"``; of others ``gather().reactions``.
-
         Returns
         -------
         (n, dim) array
         """
+        return self.structure.halo.collect(self.part().reactions)
+
+    def part(self) -> Result:
+        """Return the links of this rank as a result by itself, with the nodes of other ranks there; collective.
+
+        Returns
+        -------
+        latinpc.Result
+            Its nodes are those of this rank, then those of `Halo.ghosts`; these have no loads.
+        """
         structure, halo = self.structure, self.structure.halo
-        if self.geometry != "linear":
-            raise ValueError("reactions of structures whose links turn: take those of the gathered result")
-        pull = self.tensions[:, None] * structure.directions
-        links, forces = halo.links, np.zeros((halo.own + len(halo.ghosts), structure.dim))
-        for axis in range(structure.dim):
-            first, second = (np.bincount(end, weights=pull[:, axis], minlength=len(forces)) for end in links.T)
-            forces[:, axis] = second - first
-        return np.where(structure.fixed, halo.collect(forces) - self.load, 0.0)
+        arrays = self._arrays() | {"links": halo.links, "load": np.zeros((halo.own + len(halo.ghosts), structure.dim))}
+        arrays["load"][: halo.own] = self.load
+        nodal = [name for name in ("nodes", "fixed", "prescribed", "mass") if arrays[name] is not None]
+        arrays |= {name: halo.spread(arrays[name]) for name in nodal}
+        scene = _Arrays(structure.name, self.geometry, structure.sizes, structure.comm, arrays)
+        classes = None if self.node_class is None else halo.spread(self.node_class)
+        displacements = halo.spread(self.displacements)
+        found = Result(scene, displacements, self.tensions, scene.load, self.report, self.subdomain, classes)
+        found.slack = self.slack  # beside the largest tension of all ranks
+        return found
+
+    def _arrays(self):
+        """Return the arrays of this rank's nodes and links that were solved."""
+        return {name: self._acted.get(name, getattr(self.structure, name)) for name in ARRAYS}
 
     def to_vtu(self, path: str | pathlib.Path) -> None:
         """Write the results for ParaView: an index ``.pvtu`` and a file of each rank beside it; collective."""
@@ -98,12 +112,12 @@ class LocalResult(Reported):
         alike(comm, root=root)
         if root is not None and root not in range(comm.size):
             raise ValueError(f"root {root} is none of the ranks 0 to {comm.size - 1}: without it all get the whole")
-        arrays = {name: _whole(comm, self._acted.get(name, getattr(structure, name)), root) for name in ARRAYS}
+        arrays = {name: _whole(comm, values, root) for name, values in self._arrays().items()}
         names = ("displacements", "tensions", "load", "subdomain", "node_class")
         found = {name: _whole(comm, getattr(self, name), root) for name in names}
         if root not in (None, comm.rank):
             return None
-        whole = _Whole(structure.name, self.geometry, structure.sizes, structure.comm, arrays)
+        whole = _Arrays(structure.name, self.geometry, structure.sizes, structure.comm, arrays)
         return Result(whole, report=dict(self.report), history=self.history, notices=list(self.notices), **found)
 
     def __repr__(self) -> str:
@@ -111,8 +125,8 @@ class LocalResult(Reported):
         return f"<LocalResult of {self.structure.name}: {state} in {self.iterations} iterations>"
 
 
-class _Whole(Geometry, Plots):
-    """The arrays of all ranks."""
+class _Arrays(Geometry, Plots):
+    """Arrays of several ranks."""
 
     laws = Structure.laws
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import pathlib
-from types import SimpleNamespace
 from xml.etree import ElementTree
-
-import numpy as np
 
 from latinpc.arrays import alike
 from latinpc.results.atomic import atomic, follow
@@ -50,23 +47,15 @@ def write_pvtu(path, result):
 
 def _part(result):
     """Return the arguments of `write_vtu` for this rank's links; collective."""
-    structure, halo = result.structure, result.structure.halo
-    spread = halo.spread
-    scene = SimpleNamespace(
-        nodes=spread(structure.nodes),
-        links=halo.links,
-        law=structure.law,
-        fixed=spread(structure.fixed.astype(np.int8)),
-        load=spread(result.load),
-        direction=structure.direction,
-        directions=structure.directions,
-        geometry=result.geometry,
-    )
-    of_nodes = None if result.node_class is None else spread(result.node_class)
-    more = {"loose": result.slack}
-    if result.geometry == "linear":
-        more["reactions"] = spread(result.reactions())
-    return (scene, spread(result.displacements), result.tensions, result.subdomain, of_nodes), more
+    part, spread = result.part(), result.structure.halo.spread
+    more = {
+        "load": spread(result.load),
+        "reactions": spread(result.reactions()),
+        "stress": part.stress,
+        "utilisation": part.utilisation,
+        "loose": result.slack,
+    }
+    return (part.structure, part.displacements, part.tensions, part.subdomain, part.node_class), more
 
 
 def _write_index(path, piece, names):
