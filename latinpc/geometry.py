@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from latinpc.numbering import Numbered
 
-__all__ = ["GEOMETRIES", "Geometry", "known_geometry"]
+__all__ = ["GEOMETRIES", "Geometry", "Whole", "extent", "known_geometry"]
 
 #: How displacements turn links: not at all, by small angles, as far as they go.
 GEOMETRIES = ("linear", "prestress", "large")
@@ -19,9 +21,41 @@ def known_geometry(geometry: str) -> int:
     return GEOMETRIES.index(geometry)
 
 
+def extent(structure: Geometry) -> np.ndarray:
+    """Return the size of a structure along each axis (m); of parts collective."""
+    nodes, largest = structure.nodes, structure.over_ranks.largest
+    return largest(nodes.max(axis=0, initial=-np.inf)) + largest(-nodes.min(axis=0, initial=np.inf))
+
+
+class Whole:
+    """Amounts of a structure from those of the nodes and links of a rank, where each has all: they are the same.
+
+    Of parts of a structure it is `latinpc.distributed.halo.Halo`, and collective.
+    """
+
+    own = None  #: number of nodes of this rank, before those of other ranks
+
+    @staticmethod
+    def total(values):
+        """Return the sums of values over the ranks."""
+        return values
+
+    #: Largest values over the ranks; values of nodes, what other ranks have for them added; values with those of
+    #: nodes of other ranks
+    largest = collect = spread = total
+
+    @staticmethod
+    def node_numbers(nodes, most):
+        """Return the first numbers of nodes, at least so many if there are more."""
+        return nodes[:most]
+
+    link_numbers = node_numbers
+
+
 class Geometry(Numbered):
     """What follows from the arrays of nodes and links."""
 
+    over_ranks: Any = Whole()  #: how amounts of the whole follow from those of a rank
     direction: np.ndarray | None
     subdomain: np.ndarray | None
 

@@ -34,7 +34,8 @@ class Halo:
 
     def __init__(self, comm, own, links):
         starts = np.concatenate([[0], np.cumsum(comm.allgather(own))])
-        self.own, self.first = own, int(starts[comm.rank])
+        self._comm, self.own, self.first = comm, own, int(starts[comm.rank])
+        self._first_link = sum(comm.allgather(len(links))[: comm.rank])
         self._links = links
         outside = (links < self.first) | (links >= self.first + own)
         self.ghosts = np.unique(links[outside])
@@ -79,6 +80,31 @@ class Halo:
             self._sf.reduceEnd(unit, theirs, mine, MPI.SUM)
             found[:, column] = mine
         return found.reshape(self.own, *values.shape[1:])
+
+    def total(self, values):
+        """Return the sums of values over the ranks; collective."""
+        return self._reduced(values, MPI.SUM)
+
+    def largest(self, values):
+        """Return the largest of values over the ranks; collective."""
+        return self._reduced(values, MPI.MAX)
+
+    def _reduced(self, values, operation):
+        mine = np.array(values, float)
+        found = np.empty_like(mine)
+        self._comm.Allreduce(mine, found, op=operation)
+        return found[()]
+
+    def node_numbers(self, nodes: np.ndarray, most: int) -> np.ndarray:
+        """Return the first numbers, among those of all ranks, of nodes of each; at least so many of them; collective.
+
+        Of links `link_numbers`, which counts them rank by rank.
+        """
+        return np.concatenate(self._comm.allgather(self.first + nodes[:most]))
+
+    def link_numbers(self, links: np.ndarray, most: int) -> np.ndarray:
+        """See `node_numbers`; collective."""
+        return np.concatenate(self._comm.allgather(self._first_link + links[:most]))
 
 
 def _unit(values):

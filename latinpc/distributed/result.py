@@ -7,21 +7,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.arrays import alike
 from latinpc.checks import ARRAYS
 from latinpc.geometry import Geometry
-from latinpc.laws import UNILATERAL, Law
-from latinpc.results.limit import bearing
+from latinpc.laws import UNILATERAL
+from latinpc.results.limit import bearing, borne, branches, unstable
+from latinpc.results.loose import loose
 from latinpc.results.mechanics import slack
-from latinpc.results.notices import causes, limit
+from latinpc.results.notices import causes, changed, limit, magnitudes, overstretched, turned
 from latinpc.results.plots import Plots
 from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
-from latinpc.results.solve import report_of
+from latinpc.results.solve import idle, report_of
 from latinpc.structure import Structure
 
 from .vtk import write_pvtu
@@ -29,7 +29,7 @@ from .vtk import write_pvtu
 if TYPE_CHECKING:
     from .structure import LocalStructure
 
-__all__ = ["LocalResult", "gather_local"]
+__all__ = ["LocalResult", "gather_local", "seen"]
 
 
 @dataclass(repr=False, eq=False)
@@ -70,7 +70,8 @@ class LocalResult(Reported):
         Returns
         -------
         latinpc.Result
-            Its nodes are those of this rank, then those of `Halo.ghosts`; these have no loads.
+            Its nodes are those of this rank, then those of `Halo.ghosts`, which have no loads. Its reactions are what
+            links of this rank carry, its ``balance`` is that of all ranks, and collective.
         """
         structure, halo = self.structure, self.structure.halo
         arrays = self._arrays() | {"links": halo.links, "load": np.zeros((halo.own + len(halo.ghosts), structure.dim))}
@@ -78,6 +79,7 @@ class LocalResult(Reported):
         nodal = [name for name in ("nodes", "fixed", "prescribed", "mass") if arrays[name] is not None]
         arrays |= {name: halo.spread(arrays[name]) for name in nodal}
         scene = _Arrays(structure.name, self.geometry, structure.sizes, structure.comm, arrays)
+        scene.over_ranks = halo
         classes = None if self.node_class is None else halo.spread(self.node_class)
         displacements = halo.spread(self.displacements)
         found = Result(scene, displacements, self.tensions, scene.load, self.report, self.subdomain, classes)
@@ -148,10 +150,7 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
 
     Parameters and report are those of `latinpc.results.solve.gather`.
     """
-    comm, factor = structure.comm.tompi4py(), None
-    if structure.geometry == "large" and snes.getType() == "latin":
-        cables = comm.allreduce(bool((structure.law == Law.CABLE).all()), op=MPI.LAND)
-        factor = None if cables else solvers.path(snes)["borne"]  # cables alone have no limit point
+    factor = borne(snes, structure)
     with bearing(snes, structure, factor):
         return _gathered_local(structure, snes, core, u, factor)
 
@@ -162,9 +161,8 @@ def _gathered_local(structure, snes, core, u, factor):
     r = structure.create_vec()
     snes.computeFunction(u, r)
     tensions = solvers.tensions(snes)
-    largest = comm.allreduce(float(np.abs(tensions).max(initial=0.0)), op=MPI.MAX)
-    loose = slack(structure, tensions, largest)
-    counts = comm.allreduce(np.array([loose.sum(), np.isin(structure.law, UNILATERAL).sum()]))
+    none = slack(structure, tensions, structure.halo.largest(np.abs(tensions).max(initial=0.0)))
+    counts = structure.halo.total([none.sum(), np.isin(structure.law, UNILATERAL).sum()])
     is_latin = snes.getType() == "latin"
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
@@ -180,14 +178,23 @@ def _gathered_local(structure, snes, core, u, factor):
         structure=structure,
         displacements=structure.displacements(u),
         tensions=tensions,
-        slack=loose,
+        slack=none,
         load=structure.load,
         report=plain(report | ({} if factor is None else {"load_factor": factor})),
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
-        notices=list(dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)),
     )
-    result.notices += limit(structure, result.report, solvers.unsupported_nodes(snes)[1] if is_latin else [], "soft")
+    result.notices += dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)
+    result.notices += idle(snes)
+    result.notices += unstable(structure, u, none) if result.converged else []
+    said = result.report | {"branch": branches(snes, factor)}
+    result.notices += limit(structure, said, solvers.unsupported_nodes(snes)[1] if is_latin else [], "soft")
     r.destroy()
     return result
+
+
+def seen(result: LocalResult) -> list[str]:
+    """Return what displacements and tensions show by themselves, where no solver takes memory any more; collective."""
+    part = result.part()
+    return [*overstretched(part.structure), *loose(part), *(turned(part) or changed(part)), *magnitudes(part)]

@@ -15,7 +15,7 @@ from latinpc.results.solve import solve
 from latinpc.structure import Structure
 
 from .halo import Halo
-from .result import LocalResult, gather_local
+from .result import LocalResult, gather_local, seen
 
 if TYPE_CHECKING:
     pass
@@ -57,6 +57,7 @@ class LocalStructure(Structure):
     Notes
     -----
     Links that two ranks both give, the same two nodes and law, are not noticed: what they carry adds up.
+    Give springs across a taut cable on the rank of the cable: elsewhere, notices take the cable for one that turns.
 
     Examples
     --------
@@ -118,6 +119,8 @@ class LocalStructure(Structure):
         """Halo : where the nodes of other ranks at this rank's links are."""
         return self._halo
 
+    over_ranks = halo
+
     @property
     def _lines(self) -> np.ndarray:
         x = self._halo.spread(self.nodes)
@@ -147,9 +150,9 @@ class LocalStructure(Structure):
         Returns
         -------
         LocalResult
-            Displacements, tensions and reactions of this rank's nodes and links; `LocalResult.gather` makes it whole.
+            Displacements and tensions of this rank's nodes and links; `LocalResult.gather` makes it whole.
         """
-        return solve(self, error, largest_unbalance, preset, options, raise_on_failure, gather_local)
+        return solve(self, error, largest_unbalance, preset, options, raise_on_failure, gather_local, seen)
 
     @property
     def first_node(self) -> int:

@@ -31,7 +31,7 @@ PART = 0.5  # of the largest displacement: nodes that move
 
 
 def borne(snes: PETSc.SNES, structure: Structure) -> float | None:
-    """Return the part of the loads that the displacements of a solve bear; not collective.
+    """Return the part of the loads that the displacements of a solve bear; of parts collective.
 
     Parameters
     ----------
@@ -45,7 +45,9 @@ def borne(snes: PETSc.SNES, structure: Structure) -> float | None:
         None where displacements are not large, where there are cables alone, which have no limit point, or where the
         solver is another.
     """
-    if structure.geometry != "large" or snes.getType() != "latin" or (structure.law == Law.CABLE).all():
+    if structure.geometry != "large" or snes.getType() != "latin":
+        return None
+    if not structure.over_ranks.largest((structure.law != Law.CABLE).any()):
         return None
     return solvers.path(snes)["borne"]
 
@@ -186,9 +188,10 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
         The links that are slack there.
     """
     drawn = tensions_at(structure, np.zeros(len(structure.links)))
-    rigid = np.isin(structure.law, RIGID).any()
+    some = np.array([np.isin(structure.law, RIGID).any(), slack.any(), (drawn < 0.0).any()])
+    rigid, slackens, pressed = structure.over_ranks.largest(some)
     mumps = solvers.has_package("mumps")
-    if structure.geometry != "prestress" or rigid or not (slack.any() and (drawn < 0.0).any()):
+    if structure.geometry != "prestress" or rigid or not (slackens and pressed):
         return []
     if structure.comm.size > 1 and not mumps:
         return []

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from latinpc.geometry import extent
 from latinpc.laws import RIGID, Law
 
 from .mechanics import stretches, tensions_at
@@ -22,27 +23,29 @@ SINGULAR = 1e-12  # least eigenvalue of the sum of n n^t: links at less than a m
 
 
 def loose(result: Result) -> list[str]:
-    """Return a sentence on nodes that can move by themselves without a change of any tension; not collective.
+    """Return a sentence on nodes that can move by themselves without a change of any tension; of parts collective.
 
     A link holds a node if its tension changes within `MARGIN` of its elongation, a rigid one also if it bears. A node
     is named if no link holds it in some direction while all others stay where they are; nodes that can move only
     together are not found. With large displacements a taut link holds in all directions, and those are named that slack
     links alone touch.
     """
-    structure = result.structure
-    if structure.geometry == "prestress" or not result.converged or structure.law.max(initial=0) == Law.BAR:
+    structure, over = result.structure, result.structure.over_ranks
+    if structure.geometry == "prestress" or not result.converged:
+        return []
+    if over.largest(structure.law.max(initial=0)) == Law.BAR:
         return []
     large = structure.geometry == "large"
-    most = np.abs(result.displacements).max(initial=0.0)
-    margin = max(MARGIN * most, ROUNDED * np.ptp(structure.nodes, axis=0).max(initial=0.0))
+    most = over.largest(np.abs(result.displacements).max(initial=0.0))
+    margin = max(MARGIN * most, ROUNDED * extent(structure).max(initial=0.0))
     elongation = stretches(structure, result.displacements)
     if large:
         holds = ~result.slack | (np.abs(elongation + structure.initial_elongation) <= margin)
     else:
         holds = _holds(structure, elongation, margin) | (np.isin(structure.law, RIGID) & ~result.slack)
-    nodes = np.unique(structure.links[~holds])
-    nodes = nodes[~structure.fixed[nodes].all(axis=1)]
-    free = nodes[~np.isin(nodes, structure.links[holds]) if large else _free(structure, holds, nodes)]
+    nodes = np.flatnonzero(_touched(structure, ~holds) & ~structure.fixed[: over.own].all(axis=1))
+    free = nodes[~_touched(structure, holds)[nodes] if large else _free(structure, holds, nodes)]
+    free = over.node_numbers(free, NAMED + 1)
     if not (large or most) or not len(free):
         return []
     named = structure.some_nodes(free[:NAMED], len(free) > NAMED)
@@ -50,6 +53,13 @@ def loose(result: Result) -> list[str]:
         f"links that are slack or yield leave {named} free in some direction: displacements there are one"
         " solution of many, with the same tensions"
     ]
+
+
+def _touched(structure, chosen):
+    """Return which nodes have chosen links."""
+    at = np.zeros(len(structure.nodes))
+    at[structure.links[chosen]] = 1.0
+    return structure.over_ranks.collect(at) > 0.0
 
 
 def _holds(structure, elongation, margin):
@@ -63,18 +73,30 @@ def _holds(structure, elongation, margin):
 
 def _free(structure, holds, nodes):
     """Return of nodes whether the links that hold leave a direction of their free components in which they can move."""
-    dim = structure.nodes.shape[1]
+    dim, over = structure.nodes.shape[1], structure.over_ranks
+    asked = np.zeros(len(structure.nodes[: over.own]), bool)
+    asked[nodes] = True
+    here = np.flatnonzero(over.spread(asked))
     place = np.full(len(structure.nodes), -1)
-    place[nodes] = np.arange(len(nodes))
-    held = np.zeros((len(nodes), dim, dim))
-    for end in structure.links[holds].T:
-        here, at = place[end] >= 0, place[end]
-        normal = structure.directions[holds][here]
-        for i in range(dim):
-            for j in range(dim):
-                held[:, i, j] += np.bincount(at[here], normal[:, i] * normal[:, j], len(nodes))
+    place[here] = np.arange(len(here))
+    whole = np.zeros((len(structure.nodes), dim, dim))
+    whole[here] = _held(structure, holds, place, len(here))
+    held = over.collect(whole)[nodes]
     fixed = structure.fixed[nodes]
     held[fixed] = 0.0
     held.swapaxes(1, 2)[fixed] = 0.0
     held[:, range(dim), range(dim)] += fixed
     return np.linalg.eigvalsh(held)[:, 0] < SINGULAR if len(nodes) else np.zeros(0, bool)
+
+
+def _held(structure, holds, place, count):
+    """Return the sums of n n^t of links that hold at nodes with a place from 0 on."""
+    dim = structure.nodes.shape[1]
+    held = np.zeros((count, dim, dim))
+    for end in structure.links[holds].T:
+        here, at = place[end] >= 0, place[end]
+        normal = structure.directions[holds][here]
+        for i in range(dim):
+            for j in range(dim):
+                held[:, i, j] += np.bincount(at[here], normal[:, i] * normal[:, j], count)
+    return held

@@ -180,6 +180,7 @@ class Turned:
     """
 
     def __init__(self, structure, displacements):
+        self.over_ranks = structure.over_ranks
         self.nodes, self.links = structure.nodes + displacements, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, self.nodes.shape[1]
         self.prescribed = structure.prescribed
@@ -203,6 +204,7 @@ class Leaning:
     """
 
     def __init__(self, structure, displacements):
+        self.over_ranks = structure.over_ranks
         self.nodes, self.links = structure.nodes, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, structure.dim
         self.prescribed = structure.prescribed
@@ -229,7 +231,7 @@ class Balance(NamedTuple):
 
 
 def balance(scene, tensions, reactions, load=None):
-    """Compare the reactions with the loads.
+    """Compare the reactions with the loads; of parts of a structure collective.
 
     Parameters
     ----------
@@ -247,10 +249,11 @@ def balance(scene, tensions, reactions, load=None):
     Balance
         In one dimension there are no moments.
     """
-    load = scene.load if load is None else load
+    load, over = scene.load if load is None else load, scene.over_ranks
+    nodes = scene.nodes[: over.own]
     forces, arms = (np.zeros((len(load), 3)) for _ in range(2))
     forces[:, : scene.dim] = load + reactions
-    arms[:, : scene.dim] = scene.nodes - scene.nodes.mean(axis=0)
+    arms[:, : scene.dim] = scene.nodes - over.total(nodes.sum(axis=0)) / over.total(len(nodes))
     moment = np.cross(arms, forces).sum(axis=0)
     if scene.direction is not None:
         own = np.flatnonzero(scene.direction.any(axis=1))
@@ -258,13 +261,14 @@ def balance(scene, tensions, reactions, load=None):
         lines[:, : scene.dim] = np.diff(scene.nodes[scene.links[own]], axis=1)[:, 0]
         pull[:, : scene.dim] = _pull(scene, tensions)[own]
         moment -= np.cross(lines, pull).sum(axis=0)
-    whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
-    moved = np.abs(scene.initial_elongation).max() + np.abs(scene.prescribed).max()
-    rounding = ROUNDING * max(scene.stiffness.max() * moved, np.abs(tensions).max())
+    whole = over.total(np.linalg.norm(load, axis=1).sum()) or over.total(np.linalg.norm(reactions, axis=1).sum())
+    sizes = (scene.stiffness, scene.initial_elongation, scene.prescribed, tensions)
+    sizes = over.largest(np.array([np.abs(values).max(initial=0.0) for values in sizes]))
+    rounding = ROUNDING * max(sizes[0] * (sizes[1] + sizes[2]), sizes[3])
     whole = max(whole, rounding) or 1.0  # forces of slack links are rounding, and balance as such
-    size = np.linalg.norm(arms, axis=1).max() or 1.0
-    force = float(np.linalg.norm(forces.sum(axis=0)) / whole)
-    return Balance(load.sum(axis=0), reactions.sum(axis=0), force, float(np.linalg.norm(moment) / (whole * size)))
+    size = over.largest(np.linalg.norm(arms, axis=1).max(initial=0.0)) or 1.0
+    force, moment = (float(np.linalg.norm(over.total(left)) / whole) for left in (forces.sum(axis=0), moment / size))
+    return Balance(over.total(load.sum(axis=0)), over.total(reactions.sum(axis=0)), force, moment)
 
 
 def relative(values, reference):

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc import accuracy, errors, solvers
+from latinpc.geometry import extent
 from latinpc.laws import Law
 from latinpc.library import _latin
 
@@ -227,22 +228,22 @@ def unlinked_as_value(structure: Structure) -> Iterator[None]:
 def turned(result: Result) -> list[str]:
     """Return a sentence where links turn, or their nodes move, further than small displacements allow.
 
-    Not collective. Of links that turn: contacts and links of a direction of their own keep it with large displacements.
-    Where the latter join the same two nodes, as springs across a taut cable, they are how it resists turning, which
-    large displacements would count twice.
+    Of parts collective. Of links that turn: contacts and links of a direction of their own keep it with large
+    displacements. Where the latter join the same two nodes, as springs across a taut cable, they are how it resists
+    turning, which large displacements would count twice; of parts, those of one rank.
     """
-    structure, displacements = result.structure, result.displacements
+    structure, displacements, over = result.structure, result.displacements, result.structure.over_ranks
     keeps, ends = keeps_direction(structure), np.sort(structure.links, axis=1) @ (len(structure.nodes), 1)
     links = structure.links[~keeps & ~np.isin(ends, ends[keeps & (structure.law != Law.CONTACT)])]
-    if structure.geometry == "large" or not len(links) or not result.converged:
+    if structure.geometry == "large" or not result.converged:
         return []
     drawn = np.diff(structure.nodes[links], axis=1)[:, 0]
     moved = drawn + np.diff(displacements[links], axis=1)[:, 0]
     lengths = np.linalg.norm(drawn, axis=1) * np.linalg.norm(moved, axis=1)
     cosine = np.einsum("ij,ij->i", drawn, moved)[lengths > 0.0] / lengths[lengths > 0.0]
-    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
-    size = np.linalg.norm(np.ptp(structure.nodes, axis=0)) or np.inf
-    part = np.linalg.norm(displacements[np.unique(links)], axis=1).max() / size
+    angle = over.largest(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0)))
+    size = np.linalg.norm(extent(structure)) or np.inf
+    part = over.largest(np.linalg.norm(displacements[np.unique(links)], axis=1).max(initial=0.0)) / size
     if angle <= TURNED and part <= MOVED:
         return []
     said = []
@@ -250,19 +251,20 @@ def turned(result: Result) -> list[str]:
         said.append(f"links turn by up to {angle:.2g} degrees")
     if part > MOVED:
         said.append(f"nodes move by {part:.2g} of the size of the structure")
-    friction = (structure.law == Law.FRICTION).any()  # of small displacements only
+    friction = over.largest((structure.law == Law.FRICTION).any())  # of small displacements only
     cure = "" if friction else "; take -snes_latin_geometry large"
     return [f"{' and '.join(said)}: small displacements do not hold{cure}"]
 
 
 def overstretched(structure: Structure) -> list[str]:
-    """Return a sentence on links whose length without tension would be below zero, if there are any; not collective."""
+    """Return a sentence on links whose length without tension would be below zero, if any; of parts collective."""
     gaps = (Law.CONTACT, Law.FRICTION, Law.TANGENT, Law.COMPRESSION_ONLY)
     acts = ~(keeps_direction(structure) | np.isin(structure.law, gaps))
     longest = structure.lengths * (
         1.0 + np.sqrt(np.finfo(float).eps)
     )  # of a given force density: zero, but for rounding
     links = np.flatnonzero(acts & (structure.initial_elongation > longest))
+    links = structure.over_ranks.link_numbers(links, _NAMED + 1)
     if not len(links):
         return []
     named, one = structure.some_links(links[:_NAMED], len(links) > _NAMED), len(links) == 1
@@ -276,22 +278,22 @@ def overstretched(structure: Structure) -> list[str]:
 def changed(result: Result) -> list[str]:
     """Return a sentence where tensions are no longer those with which geometry prestress resists turning.
 
-    Not collective. Ten structures that prestress holds (saddles, a hypar, a flat and a random net, mast, tower, bridge,
-    simplex, canopy) under twelve loads each: this, or `turned`, names all whose displacements are off by more than 14 %
-    from those of geometry large, and none that are off by less than 5 %. Trusses that hold without prestress are off by
-    1 % where their tensions are 15 times those as drawn; so this asks whether prestress holds the structure. It does
-    where there are no more links than free components: a self-stress then leaves a mechanism (Maxwell's rule). With
-    more links there may be one as well, as in small nets: then it is in the displacements, as energy of turning.
+    Of parts collective. Ten structures that prestress holds (saddles, a hypar, a flat and a random net, mast, tower,
+    bridge, simplex, canopy) under twelve loads each: this, or `turned`, names all whose displacements are off by more
+    than 14 % from those of geometry large, and none that are off by less than 5 %. Trusses that hold without prestress
+    are off by 1 % where their tensions are 15 times those as drawn; so this asks whether prestress holds the structure.
+    It does where there are no more links than free components: a self-stress then leaves a mechanism (Maxwell's rule).
+    With more links there may be one as well, as in small nets: then it is in the displacements, as energy of turning.
     """
-    structure, displacements = result.structure, result.displacements
+    structure, displacements, over = result.structure, result.displacements, result.structure.over_ranks
     if structure.geometry != "prestress" or not result.converged:
         return []
     drawn = tensions_at(structure, np.zeros(len(structure.links)))
     now = tensions_at(structure, changes_of_length(structure, displacements))
-    size = np.linalg.norm(drawn)
-    part = np.linalg.norm(now - drawn) / size if size > 0.0 else 0.0
-    ends = structure.fixed.all(axis=1)[structure.links]
-    holds = np.count_nonzero(~ends.all(axis=1)) > np.count_nonzero(~structure.fixed)
+    size, change = np.sqrt(over.total(np.array([drawn @ drawn, (now - drawn) @ (now - drawn)])))
+    part = change / size if size > 0.0 else 0.0
+    moving = np.count_nonzero(~structure.fixed.all(axis=1)[structure.links].all(axis=1))
+    holds = over.total(moving - np.count_nonzero(~structure.fixed[: over.own])) > 0
     if part <= CHANGED or (holds and _turning(structure, drawn, displacements) <= HELD):
         return []
     return [
@@ -305,7 +307,8 @@ def _turning(structure, drawn, displacements):
     change = np.diff(displacements[structure.links], axis=1)[:, 0]
     along = np.einsum("ij,ij->i", structure.directions, change)
     turns = np.abs(drawn) / structure.lengths @ ((change**2).sum(axis=1) - along**2)
-    return turns / ((structure.stiffness @ along**2 + turns) or 1.0)
+    stretches, turns = structure.over_ranks.total(np.array([structure.stiffness @ along**2, turns]))
+    return turns / ((stretches + turns) or 1.0)
 
 
 def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int], kind: str) -> list[str]:
@@ -344,15 +347,18 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
 
 
 def magnitudes(result: Result) -> list[str]:
-    """Return sentences on displacements beyond the structure, and reactions beside the loads; not collective."""
-    moved = np.linalg.norm(result.displacements, axis=1)
-    if not (result.converged and np.isfinite(moved).all() and np.isfinite(result.tensions).all()):
+    """Return sentences on displacements beyond the structure, and reactions beside the loads; of parts collective."""
+    over = result.structure.over_ranks
+    moved = np.linalg.norm(result.displacements[: over.own], axis=1)
+    strange = over.largest(not (np.isfinite(moved).all() and np.isfinite(result.tensions).all()))
+    if strange or not result.converged:
         return []
     notices = []
-    size, node = float(np.linalg.norm(np.ptp(result.structure.nodes, axis=0))), int(moved.argmax())
-    if moved[node] > size > 0:
+    size, most = float(np.linalg.norm(extent(result.structure))), over.largest(moved.max(initial=0.0))
+    if most > size > 0:
+        node = over.node_numbers(np.flatnonzero(moved == most), 1)[0]
         notices.append(
-            f"node {result.structure.node_name(node)} moves by {quantity(moved[node], 'm')}, farther than the structure"
+            f"node {result.structure.node_name(node)} moves by {quantity(most, 'm')}, farther than the structure"
             f" is large ({quantity(size, 'm')}): look at units, stiffnesses and supports"
         )
     left = max(result.balance.force, result.balance.moment)

@@ -25,7 +25,7 @@ from .unread import unread
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["attach_linear", "gather", "report_of", "solve", "unread"]
+__all__ = ["attach_linear", "gather", "idle", "report_of", "solve", "unread"]
 
 LAGS = [f"snes_lag_{what}{persists}" for what in ("jacobian", "preconditioner") for persists in ("", "_persists")]
 
@@ -38,8 +38,12 @@ def solve(
     options: Mapping[str, Any] | None,
     raise_on_failure: bool,
     found: Callable[..., Any] | None = None,
+    seen: Callable[[Any], list[str]] = magnitudes,
 ) -> Result:
-    """Solve as `latinpc.Structure.solve` says; `found` makes the result, by default `gather`; collective."""
+    """Solve as `latinpc.Structure.solve` says; collective.
+
+    `found` makes the result, by default `gather`, and `seen` returns what is said of it without its solver.
+    """
     how = {"error": error, "largest_unbalance": largest_unbalance, "preset": preset, "options": options}
     alike(structure.comm.tompi4py(), **how, raise_on_failure=raise_on_failure)
     asked = {"snes_latin_error": error, "snes_latin_largest_unbalance": largest_unbalance}
@@ -68,7 +72,7 @@ def solve(
             snes.destroy()
             u.destroy()
         result.notices += [*stray, *unread(comm, [name for name in ours if name in given])]
-        result.notices += magnitudes(result) if found is None else []
+        result.notices += seen(result)
     for notice in result.notices:
         warn(comm, notice)
     if not result.converged:
