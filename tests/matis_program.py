@@ -76,6 +76,8 @@ class Grid:
         elif args.jump == "inside":  # stiff bars through the middle of all blocks, which cut every interface
             width = args.cells // max(blocks)
             self.scale = np.where(cells[:, 1] % width == width // 2, args.contrast, 1.0)
+        elif args.jump == "left":  # one half is soft
+            self.scale = np.where(cells[:, 0] < args.cells // 2, 1.0, args.contrast)
         elif args.jump == "random":
             self.scale = args.contrast ** np.random.default_rng(1).random(len(cells))
         self.stiffness = element(args.problem, args.dim)

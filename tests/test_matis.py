@@ -127,6 +127,13 @@ def test_singular_matrix_with_its_kernel(matis, problem):
     converged(matis(1, problem=problem, dirichlet="none", blocks="1,1"), 2)
 
 
+@pytest.mark.parametrize(("ranks", "blocks"), [(1, "1,1"), (2, "2,1"), (4, "2,2")])
+def test_singular_matrix_that_is_soft_on_one_side(matis, ranks, blocks):
+    """Where the largest rigid motion is: springs there would let the stiff side move far."""
+    options = ["-ksp_norm_type", "unpreconditioned", "-ksp_rtol", "1e-8"]
+    converged(matis(ranks, options, problem="elasticity", dirichlet="none", jump="left", cells=24, blocks=blocks), 8)
+
+
 def test_singular_matrix_without_its_kernel(matis):
     """The message says what to do, on every rank."""
     result = matis(4, check=False, dirichlet="no")

@@ -46,6 +46,7 @@ PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, 
   PetscScalar *a;
 
   PetscFunctionBegin;
+  if (!dim) PetscFunctionReturn(0); /* PCFIELDSPLIT has none for its fields */
   PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
   PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)pc), dim * nodes, PETSC_DETERMINE, &v));
   PetscCall(VecSetBlockSize(v, dim));

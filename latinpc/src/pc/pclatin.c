@@ -116,6 +116,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
 
   PetscFunctionBegin;
   pc->failedreason = PC_NOERROR; /* PETSc 3.18 keeps that of the last operator */
+  pc->setupcalled  = 0;          /* after an error the next PCSetUp() is to try again */
   if (!((PC_Latin *)pc->data)->yields) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);

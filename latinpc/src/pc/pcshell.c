@@ -20,12 +20,19 @@ static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
 
 static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
 {
-  PC    inner;
-  Latin latin;
+  PC          inner;
+  Latin       latin;
+  PetscObject coordinates, before;
 
   PetscFunctionBegin;
   PetscCall(PCShellGetContext(shell, &inner));
   PetscCall(PCShellLatinForget_Private(shell, inner));
+  PetscCall(PetscObjectQuery((PetscObject)shell, "LatinCoordinates", &coordinates));
+  PetscCall(PetscObjectQuery((PetscObject)inner, "LatinCoordinates", &before));
+  if (coordinates != before) {
+    PetscCall(PetscObjectCompose((PetscObject)inner, "LatinCoordinates", coordinates));
+    inner->setupcalled = 0;
+  }
   PetscCall(PCSetOperators(inner, shell->mat, shell->pmat));
   if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
   PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
@@ -85,5 +92,6 @@ PetscErrorCode PCShellSetLatin(PC pc)
   PetscCall(PCShellSetApply(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", LatinSetCoordinates_Private));
   PetscFunctionReturn(0);
 }

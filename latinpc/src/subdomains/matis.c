@@ -187,26 +187,33 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 
 /*
    A singular matrix with null space N is preconditioned as A + E a E^t: one spring for each vector of N, on unknowns E such that N^t E
-   is regular. For a right-hand side orthogonal to N the springs carry no force, so that the solution is one of A; the spectrum on
+   is regular. The largest entries of N decide, each times the root of its stiffness: springs on soft unknowns let stiff parts move far, whose
+   rounding is forces. For a right-hand side orthogonal to N the springs carry no force, so that the solution is one of A; the spectrum on
    the complement of N is the same. Collective on sub->object
 */
 PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
 {
-  MPI_Comm       comm = PetscObjectComm(sub->object);
-  const PetscInt rows = sub->nodes_local, n = sub->known.kernels;
-  PetscReal     *v, *pivot;
-  PetscInt      *held, *copy;
-  PetscMPIInt    rank;
+  MPI_Comm           comm = PetscObjectComm(sub->object);
+  const PetscInt     rows = sub->nodes_local, n = sub->known.kernels;
+  PetscReal         *v, *pivot;
+  PetscInt          *held, *copy;
+  PetscMPIInt        rank;
+  Vec                root;
+  const PetscScalar *weight;
 
   PetscFunctionBegin;
   if (!n) PetscFunctionReturn(0);
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(MatCreateVecs(sub->matrix, NULL, &root));
+  PetscCall(MatGetDiagonal(sub->matrix, root));
+  PetscCall(VecSqrtAbs(root));
+  PetscCall(VecGetArrayRead(root, &weight));
   PetscCall(PetscMalloc4(n * rows, &v, n, &pivot, rows, &held, sub->copies, &copy));
   PetscCall(PetscArraycpy(v, sub->known.kernel, n * rows));
   PetscCall(PetscArrayzero(held, rows));
   for (PetscInt k = 0; k < sub->unassigned_count; k++)
     for (PetscInt j = 0; j < n; j++) v[rows * j + sub->unassigned[k]] = 0.0;
-  for (PetscInt j = 0; j < n; j++) { /* Gaussian elimination; pivot: the largest entry of each vector */
+  for (PetscInt j = 0; j < n; j++) { /* Gaussian elimination */
     PetscInt at = -1;
     struct {
       PetscReal   value;
@@ -214,9 +221,9 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
     } mine = {0.0, rank}, best;
 
     for (PetscInt i = 0; i < rows; i++)
-      if (PetscAbsReal(v[rows * j + i]) > mine.value) {
+      if (PetscRealPart(weight[i]) * PetscAbsReal(v[rows * j + i]) > mine.value) {
         at         = i;
-        mine.value = PetscAbsReal(v[rows * j + i]);
+        mine.value = PetscRealPart(weight[i]) * PetscAbsReal(v[rows * j + i]);
       }
     PetscCallMPI(MPI_Allreduce(&mine, &best, 1, LatinByPrecision(MPI_DOUBLE_INT, MPI_FLOAT_INT), MPI_MAXLOC, comm));
     if (!(best.value > 0.0)) continue; /* linearly dependent */
@@ -229,6 +236,8 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
   PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, held, copy));
   for (PetscInt i = 0; i < sub->copies; i++)
     if (copy[i] && sub->kd[i] >= 0) sub->ka[sub->kd[i]] *= 2.0;
+  PetscCall(VecRestoreArrayRead(root, &weight));
+  PetscCall(VecDestroy(&root));
   PetscCall(PetscFree4(v, pivot, held, copy));
   PetscFunctionReturn(0);
 }
