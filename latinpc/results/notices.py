@@ -89,10 +89,13 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
     none = any(text.startswith("no equilibrium") for text in ends)
     least = accuracy.rounding_floor(snes) if reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER else 0.0
     if least >= 1.0:
-        notices.append("rounding hides what the loads do: a part of the structure is a mechanism, or nearly one")
+        notices.append(
+            "rounding hides what the loads do: they are too small beside the tensions as drawn, or a part of the"
+            " structure is a mechanism, or nearly one"
+        )
     elif least and not none and len(past.get("estimate", ())):
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
-    if snes.getType() == "latin" and structure.geometry == "linear" and _given_up(snes):
+    if snes.getType() == "latin" and structure.geometry != "large" and _given_up(snes):
         notices.append(
             f"given up after {snes.getIterationNumber():,} stages, where Newton's method had failed: usually there is"
             " no equilibrium, and a larger -snes_max_it changes nothing"

@@ -98,7 +98,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   const LatinSubdomains *sub  = &latin->sub;
   PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
   char                   names[256] = "", doubt[256]   = "";
-  PetscInt               list[LATIN_MOVED_MOST], named = 0, dim = 0, nodes = 0, free = 0;
+  PetscInt               list[LATIN_MOVED_MOST], named = 0;
   PetscBool              held = PETSC_FALSE, driven = PETSC_FALSE;
   size_t                 used = 0;
 
@@ -118,8 +118,6 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
-  if (sub->structure) PetscCall(LatinStructureGetSizes(sub->structure, &dim, &nodes, NULL, &free));
-  LatinAgree(PetscObjectComm((PetscObject)latin), nodes && free == dim * nodes, PETSC_ERR_MAT_CH_ZRPVT, "Nothing is supported: no displacement of any node is prescribed, so that the structure moves as a whole. Prescribe displacements");
   /* soft links may be lost to the rounding of stiff ones */
   if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
   if (LATIN_MECHANISM * most > LATIN_DOUBT * least)

@@ -118,24 +118,26 @@ typedef struct {
   PetscInt  count, least[LATIN_LISTED]; /* on this rank; lowest numbers */
   PetscInt  more[2];                    /* number of those that no link stops, and of those whose load is below rounding */
   PetscReal sum;                        /* squared distances to where links stop them */
+  PetscReal rounding[2];                /* of the largest load: smaller ones are none; of the largest displacement */
 } LatinUnheld;
 
-/* Adds a node to `unheld` if nothing holds it */
+/* Adds a node to `unheld` if nothing holds it, and a load moves it */
 static void LatinUnheldNode(const LatinNode *at, PetscInt dim, PetscInt number, LatinUnheld *unheld)
 {
-  PetscReal push = 0.0, load = 0.0;
+  PetscReal push = 0.0, load = 0.0, noise = PetscMax(LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps, unheld->rounding[0]);
   PetscBool mass = PETSC_FALSE;
   PetscInt  last;
 
   for (PetscInt c = 0; c < dim; c++) {
     push += PetscSqr(at->r[c]);
     load += PetscSqr(at->load[c]);
+    noise = PetscMax(noise, at->stiffness[c] * unheld->rounding[1]);
     if (at->ground[c] > 0.0) mass = PETSC_TRUE;
   }
   push = PetscSqrtReal(push);
   if (mass || push <= LATIN_UNHELD * (at->tension + PetscSqrtReal(load))) return;
-  if (push <= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps) {
-    if (!(load > 0.0)) return;
+  if (push <= noise) {
+    if (PetscSqrtReal(load) <= unheld->rounding[0]) return;
     unheld->more[1]++;
   }
   last = PetscMin(unheld->count, LATIN_LISTED);
@@ -161,8 +163,8 @@ static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, La
   PetscFunctionReturn(0);
 }
 
-/* Adds component c of a node */
-static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, LatinNodalSums *sum)
+/* Adds component c of a node; rounding: of the largest displacement */
+static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, PetscReal rounding, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
@@ -171,7 +173,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->hidden += noise * noise;
   sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
-  sum->bearing += c ? 0.0 : PetscSqr(at->bearing);
+  sum->bearing += c ? 0.0 : PetscSqr(PetscMax(at->bearing, rounding * at->stiffness[c])); /* nothing may bear */
   if (stiff > 0.0) {
     sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
     sum->hides[0] += noise * noise / stiff;
@@ -221,7 +223,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
 {
   LatinNodalJudge *judge = (LatinNodalJudge *)ctx;
 
-  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, &judge->sum);
+  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, judge->unheld.rounding[1], &judge->sum);
   LatinSumNode(at, judge->dim, judge->energy, &judge->sum);
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
@@ -257,7 +259,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 {
   const LatinStructure structure = latin->sub.structure;
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
-  PetscReal            size, missed, norm, works;
+  PetscReal            size, missed, norm, works, largest = 0.0;
   PetscBool            far;
   LatinNodalSums       sum;
   LatinNodalBalance    balance;
@@ -265,6 +267,11 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
   PetscCall(VecNorm(u, NORM_2, &size));
+  PetscCall(VecNorm(structure->load, NORM_INFINITY, &judge.unheld.rounding[0]));
+  if (more) PetscCall(VecNorm(more, NORM_INFINITY, &largest));
+  judge.unheld.rounding[0] += largest;
+  PetscCall(VecNorm(u, NORM_INFINITY, &judge.unheld.rounding[1]));
+  for (PetscInt i = 0; i < 2; i++) judge.unheld.rounding[i] *= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON;
   PetscCall(LatinNodalBalance_Private(latin, u, r, more, target, LatinNodeJudge, &judge, &balance));
   sum = judge.sum;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
@@ -397,7 +404,7 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   if (stays && most[1] <= PETSC_SQRT_MACHINE_EPSILON * most[0]) left = 0.0;
   if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most[0]) continue;
+    if (PetscAbsReal(dtau[l]) <= PETSC_SQRT_MACHINE_EPSILON * most[0]) continue; /* all of them prove it */
     if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
     count++;
   }

@@ -294,8 +294,12 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
 PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], PetscInt count)
 {
   LatinStructure structure = sub->structure;
+  PetscInt       nodes, free;
 
   PetscFunctionBegin;
+  PetscCall(LatinStructureGetSizes(structure, NULL, &nodes, NULL, &free));
+  PetscCheck(structure->ground || !nodes || free < structure->dim * nodes, PetscObjectComm(sub->object), PETSC_ERR_MAT_CH_ZRPVT,
+             "Nothing is supported: no displacement of any node is prescribed, so that the structure moves as a whole. Prescribe displacements");
   PetscCall(PetscLogEventBegin(LATIN_Subdomains, sub->object, 0, 0, 0));
   sub->dim = sub->bs = sub->fields = structure->dim;
   sub->nodes_local                 = structure->nodes_local;
