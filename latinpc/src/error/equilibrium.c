@@ -45,7 +45,7 @@ typedef struct {
   PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
-/* size: diagonal of the bounding box of the nodes; prescribed: largest prescribed displacement. Collective on structure */
+/* size: diagonal of the bounding box of the nodes; prescribed: largest prescribed displacement, or NULL. Collective on structure */
 PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size, PetscReal *prescribed)
 {
   const PetscInt dim = structure->dim;
@@ -61,8 +61,8 @@ PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *s
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 7, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
-  *size       = PetscSqrtReal(sum);
-  *prescribed = most[6];
+  *size = PetscSqrtReal(sum);
+  if (prescribed) *prescribed = most[6];
   PetscFunctionReturn(0);
 }
 

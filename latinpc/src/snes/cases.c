@@ -57,7 +57,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   LatinStructure structure;
   LatinCaseGoal  goal;
   LatinCase     *one;
-  PetscReal      size, held;
+  PetscReal      size;
   PetscBool      suit = PETSC_FALSE, small;
 
   PetscFunctionBegin;
@@ -68,7 +68,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   PetscCall(SNESLatinCasesSuit_Private(snes, structure, &suit));
   for (PetscInt i = 0; i < n; i++) stages[i] = -1;
   if (!suit) PetscFunctionReturn(0);
-  PetscCall(LatinStructureSize_Private(structure, &size, &held));
+  PetscCall(LatinStructureSize_Private(structure, &size, NULL));
   goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(SNESLatinStageLimit(snes), LATIN_CASE_STAGES)};
   PetscCall(LatinNewtonOwn_Private(structure, &small));
   if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */

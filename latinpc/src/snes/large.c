@@ -53,6 +53,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || !data->large.frame->spring, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
+  PetscCall(LatinStructureSize_Private(structure, &large->size, NULL));
   PetscCall(PetscFree(large->ahead));
   large->renewals = 0;
   large->reached  = 0.0;

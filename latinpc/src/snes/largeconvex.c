@@ -5,15 +5,15 @@
 /* Displacements u where loads may carry their nodes. Collective on snes */
 static PetscErrorCode LatinConvexCarried_Private(SNES snes, Vec u)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
-  PetscReal            size, prescribed, most;
+  const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
+  PetscReal            most;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   PetscCall(VecCopy(structure->load, u));
   if (snes->vec_rhs) PetscCall(VecAXPY(u, 1.0, snes->vec_rhs));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
-  if (most > 0.0) PetscCall(VecScale(u, LATIN_LARGE_CARRIED * size / most));
+  if (most > 0.0) PetscCall(VecScale(u, LATIN_LARGE_CARRIED * large->size / most));
   PetscFunctionReturn(0);
 }
 

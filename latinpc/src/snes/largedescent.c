@@ -38,12 +38,12 @@ typedef struct {
   PetscBool      tried;        /* heavier loads have been */
 } LatinDescent;
 
-/* Weights of the displacements of each node, the mean stiffness, the size. Collective on descent->structure */
+/* Weights of the displacements of each node, the mean stiffness. Collective on descent->structure */
 static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
 {
   const LatinStructure structure = descent->structure;
   const PetscInt       dim       = structure->dim;
-  PetscReal            prescribed, mean;
+  PetscReal            mean;
   PetscScalar         *v, sum;
   PetscInt             n;
   Vec                  local;
@@ -63,7 +63,6 @@ static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
   PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscCall(VecSum(descent->weight, &sum));
   PetscCall(VecGetSize(descent->weight, &n));
-  PetscCall(LatinStructureSize_Private(structure, &descent->size, &prescribed));
   mean           = PetscRealPart(sum) / (PetscReal)n;
   descent->force = mean * descent->size;
   PetscCall(VecShift(descent->weight, PETSC_MACHINE_EPSILON * mean)); /* nodes without links */
@@ -268,7 +267,8 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
 /* From u down to a state in balance under the load, if *rests; else u stays. step: its length where it is to stay near u, with the operators there are, NULL: any. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
 PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, PetscBool *heavier, Vec u, PetscBool *rests)
 {
-  LatinDescent       descent = {.structure = ((SNES_Latin *)snes->data)->large.frame->turns, .load = load, .step = step};
+  const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;
+  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .load = load, .step = step};
   PetscReal          loads;
   TaoConvergedReason reason;
   Tao                tao;

@@ -304,9 +304,10 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 }
 
 /* l2 norm of what rounding of coordinates multiplies: the tensions at u, each times the size of the structure over its length, for it turns the link, unless that keeps its direction; without loads also the stiffnesses times that size, for it changes lengths. Collective on snes */
-static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal size, PetscReal *norm)
+static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal *norm)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
   const PetscInt       dim       = structure->dim;
   PetscReal           *tension, loads;
 
@@ -319,8 +320,8 @@ static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal size, Petsc
     PetscReal square = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) square += PetscSqr(structure->span[dim * l + c]);
-    if (!(loads > 0.0) && !LatinLaws[structure->law[l]].rigid) *norm += PetscSqr(structure->stiffness[l] * size);
-    *norm += PetscSqr(tension[l]) * (1.0 + (LatinStructureKeeps(structure, l) ? 0.0 : PetscSqr(size) / square));
+    if (!(loads > 0.0) && !LatinLaws[structure->law[l]].rigid) *norm += PetscSqr(structure->stiffness[l] * large->size);
+    *norm += PetscSqr(tension[l]) * (1.0 + (LatinStructureKeeps(structure, l) ? 0.0 : PetscSqr(large->size) / square));
   }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
@@ -332,7 +333,7 @@ static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal size, Petsc
 PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  PetscReal         left, moved, size, prescribed, tension;
+  PetscReal         left, moved, tension;
   Vec               r;
 
   PetscFunctionBegin;
@@ -341,9 +342,8 @@ PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
   PetscCall(VecNorm(r, NORM_2, &left));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &moved));
-  PetscCall(LatinStructureSize_Private(large->frame->turns, &size, &prescribed));
-  PetscCall(LatinLargeTension_Private(snes, size, &tension));
-  *rests = (PetscBool)(left <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * tension && moved <= LATIN_LARGE_NONE * size);
+  PetscCall(LatinLargeTension_Private(snes, &tension));
+  *rests = (PetscBool)(left <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * tension && moved <= LATIN_LARGE_NONE * large->size);
   PetscFunctionReturn(0);
 }
 
@@ -383,7 +383,6 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   KSPConvergedReason  linear;
   const PetscInt      longest = large->frame->turns->midpoint ? (PetscInt)large->cost : LATIN_LARGE_LONG;
   PetscInt            steps, stages;
-  PetscReal           prescribed;
   KSP                 ksp;
 
   PetscFunctionBegin;
@@ -397,8 +396,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   large->changed = large->softer = 0;
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
-  PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
-  PetscCall(LatinLargeTension_Private(snes, large->size, &large->tension));
+  PetscCall(LatinLargeTension_Private(snes, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));

@@ -22,7 +22,7 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
   SNES_Latin          *data       = (SNES_Latin *)snes->data;
   const LatinStructure structure  = data->large.frame->turns;
   const PetscReal      target     = SNESLatinEstimates(data) ? data->target : snes->stol;
-  PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, sum[2] = {0.0, 0.0}, moved, size, whole, prescribed;
+  PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, sum[2] = {0.0, 0.0}, moved, size;
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
@@ -39,9 +39,8 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
   PetscCall(VecNorm(before, NORM_2, &moved));
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
   PetscCall(VecCopy(snes->vec_sol, before));
-  PetscCall(LatinStructureSize_Private(structure, &whole, &prescribed));
   *change = PetscSqrtReal(LatinRatio(sum[0], sum[1]));
-  *done   = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * whole) && *change <= target);
+  *done   = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * data->large.size) && *change <= target);
   if (SNESLatinEstimates(data)) data->estimate.value = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
   PetscCall(PetscInfo(snes, "Tensions of inextensible cables change by %g of themselves, displacements by %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
   PetscFunctionReturn(0);

@@ -64,16 +64,16 @@ PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, 
 /* Is path->u a stable equilibrium that a path may start from? Not if the least increment moves it by more than its size: rounding alone holds it. Collective on snes */
 static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, PetscBool *held)
 {
-  PetscReal moved, size, prescribed;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   moved;
 
   PetscFunctionBegin;
   PetscCall(VecCopy(path->u, snes->vec_sol));
-  if (((SNES_Latin *)snes->data)->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
+  if (data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
   PetscCall(LatinPathStable_Private(snes, path, path->u, held));
   if (!*held) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
-  PetscCall(LatinStructureSize_Private(((SNES_Latin *)snes->data)->large.frame->turns, &size, &prescribed));
-  *held = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
+  *held = (PetscBool)(LATIN_PATH_LEAST * moved <= data->large.size);
   PetscFunctionReturn(0);
 }
 

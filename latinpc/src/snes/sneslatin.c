@@ -126,7 +126,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
-  PetscReal         size, prescribed;
+  PetscReal         size;
   PetscBool         collapsed;
   Vec               F;
 
@@ -135,7 +135,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (found->verdict != LATIN_JAMMED && !(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
-    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
+    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, NULL));
     found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance (test_a_table_that_will_yield_bears_what_is_below_its_limit) */
     PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
     if (collapsed && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance: 2 of 150 structures with friction and contrasts */
