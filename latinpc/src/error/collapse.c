@@ -38,7 +38,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinPrimalDual *c, PetscBool *
   c->unbalance = 1.0;
   for (PetscInt l = 0; l < c->n; l++) {
     LatinBound *lower, *upper;
-    PetscReal   inside = LATIN_COLLAPSE_START / PetscSqrtReal(c->links);
+    PetscReal   inside = LATIN_COLLAPSE_START / PetscSqrtReal((PetscReal)c->structure->links_global);
 
     for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound *= c->scale;
     inside  = PetscMin(inside, 0.5 * (c->side[l][1].bound - c->side[l][0].bound));
@@ -47,7 +47,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinPrimalDual *c, PetscBool *
     upper   = LatinBoundAt(c, l, 1);
     if (lower) lower->y = c->t[l] - lower->bound;
     if (upper) upper->y = upper->bound - c->t[l];
-    for (PetscInt i = 0; i < 2; i++) c->side[l][i].s = LatinBoundAt(c, l, i) ? PetscSqr(LATIN_COLLAPSE_START) / (c->links * c->side[l][i].y) : 0.0;
+    for (PetscInt i = 0; i < 2; i++) c->side[l][i].s = LatinBoundAt(c, l, i) ? PetscSqr(LATIN_COLLAPSE_START) / (c->structure->links_global * c->side[l][i].y) : 0.0;
   }
   PetscFunctionReturn(0);
 }
@@ -88,7 +88,7 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most
   PetscFunctionBegin;
   c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
-  c->mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
+  c->mean = PetscSqr(LATIN_COLLAPSE_START) / c->structure->links_global;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && c->stages < most && !failed && !proof && !*held;) {
     PetscCall(LatinPrimalDualIterate_Private(c, &failed));
     ++*steps;

@@ -179,7 +179,6 @@ typedef struct {
   Vec            r, dd;          /* unbalance; step of d */
   PetscInt       n;              /* links here */
   PetscReal      count;          /* finite bounds, and contacts that may slip, on all ranks */
-  PetscReal      links;          /* all links, on all ranks */
   PetscReal      scale;          /* of the loads */
   PetscReal      reference;      /* R */
   PetscReal      regularisation; /* initial compliance of a link that resists, besides c */

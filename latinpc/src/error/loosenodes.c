@@ -166,8 +166,7 @@ PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more,
   PetscCall(PetscMalloc2(structure->nodes_local + 1, &first, structure->dim * structure->nodes_local, &load));
   PetscCall(LatinLooseGather_Private(structure, first, &half));
   PetscCall(DMGetGlobalVector(structure->dm, &step));
-  PetscCall(VecCopy(structure->load, step));
-  if (more) PetscCall(VecAXPY(step, 1.0, more));
+  PetscCall(LatinStructureLoads_Private(structure, more, step));
   PetscCall(VecNorm(step, NORM_INFINITY, &largest));
   PetscCall(LatinStructureGetDisplacements(structure, step, load));
   PetscCall(LatinLooseFind_Private(structure, first, half, largest, load, &count));

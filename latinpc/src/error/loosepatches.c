@@ -236,8 +236,7 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   PetscCall(LatinPatchRoom_Private(p));
   PetscCall(PetscCalloc2(dim * structure->vertices, &move, dim * structure->nodes_local, &node));
   PetscCall(DMGetGlobalVector(structure->dm, &step));
-  PetscCall(VecCopy(structure->load, step));
-  if (more) PetscCall(VecAXPY(step, 1.0, more));
+  PetscCall(LatinStructureLoads_Private(structure, more, step));
   PetscCall(VecNorm(step, NORM_INFINITY, &p->largest));
   PetscCall(LatinPatchGather_Private(p, step));
   PetscCall(LatinPatchFind_Private(p, move, &count));

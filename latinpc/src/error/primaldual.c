@@ -19,9 +19,8 @@
 /* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number, with contacts that may slip. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
 {
-  PetscReal sum[2] = {(PetscReal)c->slips, 0.0};
-
   PetscFunctionBegin;
+  c->count = (PetscReal)c->slips;
   for (PetscInt l = 0; l < c->n; l++) {
     PetscReal bound[2] = {0.0, 0.0}; /* of the tangential parts of contacts, see error/slip.c, and of open links */
 
@@ -29,12 +28,9 @@ static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
     else if (c->structure->law[l] != LATIN_LAW_TANGENT && !LatinPrimalDualOpen(c, l)) LatinLinkBounds(c->structure, l, bound);
     c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
     for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
-    for (PetscInt i = 0; i < 2; i++) sum[0] += LatinBoundAt(c, l, i) ? 1.0 : 0.0;
-    sum[1] += 1.0;
+    for (PetscInt i = 0; i < 2; i++) c->count += LatinBoundAt(c, l, i) ? 1.0 : 0.0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  c->count = sum[0];
-  c->links = sum[1];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &c->count, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscFunctionReturn(0);
 }
 
@@ -53,8 +49,7 @@ PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *c, Vec more)
   PetscCall(DMGetGlobalVector(dm, &c->dd));
   PetscCall(LatinSlipsCreate_Private(c));
   PetscCall(LatinPrimalDualBounds_Private(c));
-  PetscCall(VecCopy(c->structure->load, c->f));
-  if (more) PetscCall(VecAXPY(c->f, 1.0, more));
+  PetscCall(LatinStructureLoads_Private(c->structure, more, c->f));
   PetscCall(VecZeroEntries(c->d));
   PetscCall(LatinStructureForces_Private(c->structure, c->t, c->d, NULL, c->r));
   PetscCall(VecAXPY(c->f, -1.0, c->r));

@@ -259,7 +259,7 @@ PetscErrorCode SNESLatinCoulomb_Private(SNES snes, SNESConvergedReason *reason)
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinAdmissible_Private(snes, &data->next));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
-  data->newton.balance = SNESLatinBalances(snes) && data->newton.loads > 0.0 ? PetscMin(data->balance * data->newton.loads, SNESLatinUnbalance(data)) : PETSC_MAX_REAL;
+  data->newton.balance = SNESLatinBalances(snes) ? SNESLatinBalanceForce(data, data->newton.loads) : PETSC_MAX_REAL;
   PetscCall(LatinCoulombCreate_Private(snes, &c));
   PetscCall(LatinPrimalDualCreate_Private(&c, snes->vec_rhs));
   PetscCall(LatinCoulombRun_Private(&c, &data->newton, snes->vec_rhs, &done));

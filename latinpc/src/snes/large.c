@@ -214,18 +214,12 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 /* The largest norm of the unbalanced forces at convergence */
 static PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame;
-  Vec                  load;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   loads;
 
   PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(structure->dm, &load));
-  PetscCall(VecCopy(structure->load, load));
-  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
-  PetscCall(VecNorm(load, NORM_2, &data->large.balance));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &load));
-  data->large.balance = data->large.balance > 0.0 ? data->balance * data->large.balance : PETSC_MAX_REAL;
-  data->large.balance = PetscMin(data->large.balance, SNESLatinUnbalance(data));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  data->large.balance = SNESLatinBalanceForce(data, loads);
   PetscFunctionReturn(0);
 }
 

@@ -5,13 +5,11 @@
 /* Displacements u where loads may carry their nodes. Collective on snes */
 static PetscErrorCode LatinConvexCarried_Private(SNES snes, Vec u)
 {
-  const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
-  PetscReal            most;
+  const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  PetscReal         most;
 
   PetscFunctionBegin;
-  PetscCall(VecCopy(structure->load, u));
-  if (snes->vec_rhs) PetscCall(VecAXPY(u, 1.0, snes->vec_rhs));
+  PetscCall(LatinStructureLoads_Private(large->frame->turns, snes->vec_rhs, u));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   if (most > 0.0) PetscCall(VecScale(u, LATIN_LARGE_CARRIED * large->size / most));
   PetscFunctionReturn(0);

@@ -142,8 +142,7 @@ PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *fro
   PetscBool      last;
 
   PetscFunctionBegin;
-  PetscCall(VecCopy(structure->load, path->whole));
-  if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
+  PetscCall(LatinStructureLoads_Private(structure, rhs, path->whole));
   PetscCall(VecZeroEntries(path->first));
   *from = last = (PetscBool)(data->warm && data->has_state);
   if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));

@@ -118,7 +118,7 @@ PetscErrorCode SNESLatinLoad_Private(SNES snes)
   PetscFunctionBegin;
   if (!snes->vec_rhs) PetscFunctionReturn(0);
   PetscCall(VecDuplicate(latin->sub.structure->load, &load));
-  PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->sub.structure->load));
+  PetscCall(LatinStructureLoads_Private(latin->sub.structure, snes->vec_rhs, load));
   PetscCall(LatinLinearSetLoads(&latin->linear, load));
   PetscCall(VecDestroy(&load));
   latin->load_state = -1;
@@ -133,8 +133,7 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &load));
-  PetscCall(VecCopy(structure->load, load));
-  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
+  PetscCall(LatinStructureLoads_Private(structure, snes->vec_rhs, load));
   PetscCall(VecNorm(load, NORM_2, norm));
   PetscCall(DMRestoreGlobalVector(structure->dm, &load));
   PetscFunctionReturn(0);
@@ -162,8 +161,7 @@ PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, Petsc
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) bearing += PetscSqr(tension[l]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &bearing, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(VecCopy(structure->load, r));
-  if (more) PetscCall(VecAXPY(r, 1.0, more));
+  PetscCall(LatinStructureLoads_Private(structure, more, r));
   PetscCall(VecNorm(r, NORM_2, &loads));
   PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
   if (more) PetscCall(VecAXPY(r, -1.0, more));

@@ -269,6 +269,12 @@ static inline PetscReal SNESLatinUnbalance(const SNES_Latin *data)
   return data->unbalance > 0.0 ? data->unbalance : PETSC_MAX_REAL;
 }
 
+/* The unbalance to stop at under loads of this l2 norm, a force */
+static inline PetscReal SNESLatinBalanceForce(const SNES_Latin *data, PetscReal loads)
+{
+  return PetscMin(loads > 0.0 ? data->balance * loads : PETSC_MAX_REAL, SNESLatinUnbalance(data));
+}
+
 /* Is the unbalance of the last check larger than requested? */
 static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
 {

@@ -83,9 +83,8 @@ static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, P
   for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
-  if (data->newton.loads > 0.0) *balance = data->balance * data->newton.loads;
+  *balance = SNESLatinBalanceForce(data, data->newton.loads);
   if (sum > 0.0 && !own) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
-  *balance = PetscMin(*balance, SNESLatinUnbalance(data));
   PetscFunctionReturn(0);
 }
 

@@ -157,6 +157,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, Pets
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
 PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);
+PETSC_INTERN PetscErrorCode LatinStructureLoads_Private(LatinStructure, Vec more, Vec v);
 PETSC_INTERN PetscErrorCode LatinStructureGetLocal_Private(LatinStructure, const PetscReal held[], Vec u, Vec local);
 PETSC_INTERN PetscErrorCode LatinStructureElongations_Private(LatinStructure, const PetscReal held[], Vec u, PetscReal e[]);
 PETSC_INTERN PetscErrorCode LatinStructureStrains_Private(LatinStructure, Vec u, PetscReal x[]);

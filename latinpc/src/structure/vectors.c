@@ -65,6 +65,15 @@ PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
+/* v: the loads and `more`, additional ones, or NULL. Collective on structure */
+PetscErrorCode LatinStructureLoads_Private(LatinStructure structure, Vec more, Vec v)
+{
+  PetscFunctionBegin;
+  PetscCall(VecCopy(structure->load, v));
+  if (more) PetscCall(VecAXPY(v, 1.0, more));
+  PetscFunctionReturn(0);
+}
+
 /* local: displacements of the DM's vertices; `held`: prescribed ones, NULL for zero. Collective on structure */
 PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec local)
 {
