@@ -82,16 +82,12 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   Vec                ul, rl, r = around->r;
   const PetscScalar *a, *kt, *load;
   PetscScalar       *f;
-  PetscInt           start, end;
+  PetscInt           start, past;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(DMGetLocalVector(structure->dm, &rl));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, around->u, ul));
-  PetscCall(VecZeroEntries(rl));
-  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, around->u, &ul, &a));
+  PetscCall(LatinStructureOpenForces_Private(structure, &rl, &f));
   PetscCall(VecGetArrayRead(around->tangent, &kt));
-  PetscCall(VecGetArray(rl, &f));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscInt   link = structure->links_start + l, *end = structure->ends + 2 * l;
     const PetscReal  e = LatinStructureElongation(structure, l, a), e0 = structure->e0[l], tau = LatinStructureTension(structure, NULL, l, e + e0), k = PetscRealPart(kt[l]);
@@ -105,18 +101,14 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
     } else if (kind == LATIN_DIGITS_VALUES) LatinStructureAddForce(structure, l, LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first) * tau + LatinDigitsSign(link, first + 1) * k * e0), f);
     else LatinDigitsTurn(around, l, first, a, tau, k, f);
   }
-  PetscCall(VecRestoreArray(rl, &f));
   PetscCall(VecRestoreArrayRead(around->tangent, &kt));
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(VecZeroEntries(r));
-  PetscCall(DMLocalToGlobal(structure->dm, rl, ADD_VALUES, r));
-  PetscCall(DMRestoreLocalVector(structure->dm, &rl));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
+  PetscCall(LatinStructureCloseForces_Private(structure, &rl, &f, NULL, NULL, r));
+  PetscCall(LatinStructureClose_Private(structure, &ul, &a));
   if (kind != LATIN_DIGITS_VALUES) PetscFunctionReturn(0);
-  PetscCall(VecGetOwnershipRange(r, &start, &end));
+  PetscCall(VecGetOwnershipRange(r, &start, &past));
   PetscCall(VecGetArray(r, &f));
   PetscCall(VecGetArrayRead(structure->load, &load));
-  for (PetscInt i = 0; i < end - start; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
+  for (PetscInt i = 0; i < past - start; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
   PetscCall(VecRestoreArrayRead(structure->load, &load));
   PetscCall(VecRestoreArray(r, &f));
   PetscFunctionReturn(0);

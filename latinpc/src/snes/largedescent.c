@@ -49,18 +49,13 @@ static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
   Vec                  local;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(VecZeroEntries(local));
-  PetscCall(VecGetArray(local, &v));
+  PetscCall(LatinStructureOpenForces_Private(structure, &local, &v));
   for (PetscInt i = 0; i < 2 * dim * structure->links_local; i++) {
     const PetscInt l = i / (2 * dim);
 
     v[dim * structure->ends[i / dim] + i % dim] += LatinLaws[structure->law[l]].rigid ? structure->penalty[l] : structure->stiffness[l];
   }
-  PetscCall(VecRestoreArray(local, &v));
-  PetscCall(VecZeroEntries(descent->weight));
-  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, descent->weight));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureCloseForces_Private(structure, &local, &v, NULL, NULL, descent->weight));
   PetscCall(VecSum(descent->weight, &sum));
   PetscCall(VecGetSize(descent->weight, &n));
   mean           = PetscRealPart(sum) / (PetscReal)n;

@@ -127,17 +127,14 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
   Vec                  local;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
   PetscCall(VecSet(point->du, 1.0));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->du, local));
-  PetscCall(VecGetArrayRead(local, &free));
+  PetscCall(LatinStructureOpen_Private(structure, NULL, point->du, &local, &free));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     point->held[l] = PETSC_TRUE;
     for (PetscInt i = 0; i < 2 * dim; i++)
       if (PetscRealPart(free[dim * structure->ends[2 * l + i / dim] + i % dim]) != 0.0) point->held[l] = PETSC_FALSE;
   }
-  PetscCall(VecRestoreArrayRead(local, &free));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureClose_Private(structure, &local, &free));
   PetscFunctionReturn(0);
 }
 
@@ -164,9 +161,7 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
   Vec                  local;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->du, local)); /* no change where prescribed */
-  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, NULL, point->du, &local, &a)); /* no change where prescribed */
   point->reach = 1.0;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     PetscReal moved = 0.0;
@@ -181,8 +176,7 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
     point->ds[l] *= LatinInteriorSign(point, l);
     if (PetscSqrtReal(moved) > point->far[l]) point->reach = PetscMin(point->reach, point->far[l] / PetscSqrtReal(moved));
   }
-  PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 

@@ -18,14 +18,12 @@ PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec o
   Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
   for (PetscInt k = 0; k < vectors; k++) {
     PetscCall(DMGetWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
     PetscCall(PetscArrayzero(size[k], structure->vertices));
-    PetscCall(LatinStructureGetLocal_Private(structure, NULL, u[k], local));
-    PetscCall(VecGetArrayRead(local, &a));
+    PetscCall(LatinStructureOpen_Private(structure, NULL, u[k], &local, &a));
     for (PetscInt i = 0; i < dim * structure->vertices; i++) size[k][i / dim] += PetscSqr(PetscRealPart(a[i]));
-    PetscCall(VecRestoreArrayRead(local, &a));
+    PetscCall(LatinStructureClose_Private(structure, &local, &a));
   }
   for (PetscInt i = 0; i < structure->vertices; i++) {
     const PetscReal aside = middle ? LATIN_PATH_ASIDE * PetscSqrtReal(size[2][i]) : 0.0;
@@ -33,7 +31,6 @@ PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec o
     if (!(PetscSqrtReal(size[0][i]) <= PetscMax(PetscMax(little, aside), LATIN_PATH_FAR * PetscSqrtReal(size[1][i])))) far = 1;
   }
   for (PetscInt k = vectors; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &far, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *within = (PetscBool)!far;
   PetscFunctionReturn(0);

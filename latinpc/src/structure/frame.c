@@ -265,12 +265,9 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
   else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
-    PetscCall(DMGetLocalVector(base->dm, &local));
-    PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
-    PetscCall(VecGetArrayRead(local, &a));
+    PetscCall(LatinStructureOpen_Private(base, base->vertex_prescribed, u, &local, &a));
     PetscCall(LatinFrameLarge_Private(frame, a, type));
-    PetscCall(VecRestoreArrayRead(local, &a));
-    PetscCall(DMRestoreLocalVector(base->dm, &local));
+    PetscCall(LatinStructureClose_Private(base, &local, &a));
   }
   frame->general = (PetscBool)(base->geometry == LATIN_GEOMETRY_PRESTRESS && base->general);
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));

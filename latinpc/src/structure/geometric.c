@@ -12,39 +12,25 @@ static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
 
 static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStructure structure, Vec u, const PetscReal tension[], Mat G)
 {
-  const PetscInt         dim = structure->dim, n = 2 * dim;
-  ISLocalToGlobalMapping map;
-  const PetscScalar     *a;
-  PetscInt               rows, m;
-  Vec                    local;
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a;
+  Vec                local;
 
   PetscFunctionBegin;
   PetscCall(LatinGeometricCheck_Private(structure));
-  PetscCall(MatGetLocalToGlobalMapping(G, &map, NULL));
-  PetscCall(MatGetSize(G, &rows, NULL));
-  PetscCall(VecGetSize(structure->load, &m));
-  PetscCheck(map && rows == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
+  PetscCall(LatinStructureCheckMat_Private(structure, G));
   PetscCall(MatZeroEntries(G));
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
-  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscInt    row[6];
-    PetscScalar block[36];
+    PetscReal   k[9];
     LatinTurned link;
 
     LatinTurnedLink(structure, NULL, l, a, &link);
     if (!(link.size > 0.0)) continue; /* as in the tangent: its ends coincide, or its direction is constant */
-    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
-    for (PetscInt i = 0; i < n * n; i++) {
-      const PetscInt p = i / n % dim, q = i % n % dim;
-
-      block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * tension[l] / link.size * ((p == q ? 1.0 : 0.0) - link.n[p] * link.n[q]);
-    }
-    PetscCall(MatSetValuesLocal(G, n, row, n, row, block, ADD_VALUES));
+    for (PetscInt i = 0; i < dim * dim; i++) k[i] = tension[l] / link.size * ((i / dim == i % dim ? 1.0 : 0.0) - link.n[i / dim] * link.n[i % dim]);
+    PetscCall(LatinTurnedAdd_Private(structure, l, k, G));
   }
-  PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(MatAssemblyBegin(G, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(G, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(G, MAT_SYMMETRIC, PETSC_TRUE));
@@ -91,8 +77,8 @@ PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec 
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &across));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, v, &along, &b)); /* zero where prescribed */
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
+  PetscCall(LatinStructureOpen_Private(structure, NULL, v, &along, &b)); /* zero where prescribed */
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
     PetscReal          stretch = 0.0;
@@ -102,8 +88,8 @@ PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec 
     for (PetscInt c = 0; c < dim; c++) stretch += link.n[c] * PetscRealPart(vb[c] - va[c]);
     for (PetscInt c = 0; c < dim; c++) across[dim * l + c] = PetscMax(0.0, -link.across) * (PetscRealPart(vb[c] - va[c]) - stretch * link.n[c]);
   }
-  PetscCall(LatinTurnedClose_Private(structure, &along, &b));
-  PetscCall(LatinTurnedClose_Private(structure, &at, &a));
+  PetscCall(LatinStructureClose_Private(structure, &along, &b));
+  PetscCall(LatinStructureClose_Private(structure, &at, &a));
   PetscCall(LatinTurningForces_Private(structure, across, v, NULL, f));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &across));
   PetscFunctionReturn(0);
@@ -117,12 +103,8 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
 
   PetscFunctionBegin;
   PetscCall(LatinGeometricCheck_Private(structure));
-  PetscCall(DMGetLocalVector(structure->dm, &at));
-  PetscCall(DMGetLocalVector(structure->dm, &along));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, at));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, v, along)); /* zero where prescribed */
-  PetscCall(VecGetArrayRead(at, &a));
-  PetscCall(VecGetArrayRead(along, &b));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
+  PetscCall(LatinStructureOpen_Private(structure, NULL, v, &along, &b)); /* zero where prescribed */
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
     LatinTurned        link;
@@ -132,10 +114,8 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
     for (PetscInt c = 0; c < dim; c++) rate[l] += link.n[c] * PetscRealPart(vb[c] - va[c]);
     rate[l] *= LatinStructureTangent(structure, l, link.x);
   }
-  PetscCall(VecRestoreArrayRead(along, &b));
-  PetscCall(VecRestoreArrayRead(at, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &along));
-  PetscCall(DMRestoreLocalVector(structure->dm, &at));
+  PetscCall(LatinStructureClose_Private(structure, &along, &b));
+  PetscCall(LatinStructureClose_Private(structure, &at, &a));
   PetscFunctionReturn(0);
 }
 

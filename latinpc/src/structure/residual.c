@@ -84,17 +84,12 @@ PetscErrorCode LatinStructureAssemble_Private(LatinStructure structure, const Pe
 
 static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
-  ISLocalToGlobalMapping map;
-  PetscInt               n, m;
-  Vec                    tangent;
-  const PetscScalar     *k;
+  Vec                tangent;
+  const PetscScalar *k;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckRigid_Private(structure, "The tangent stiffness, that is Newton's method,"));
-  PetscCall(MatGetLocalToGlobalMapping(J, &map, NULL));
-  PetscCall(MatGetSize(J, &n, NULL));
-  PetscCall(VecGetSize(structure->load, &m));
-  PetscCheck(map && n == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
+  PetscCall(LatinStructureCheckMat_Private(structure, J));
   if (structure->span) {
     PetscCall(LatinTurningJacobian_Private(structure, u, J));
     PetscFunctionReturn(0);

@@ -101,12 +101,9 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
-    PetscCall(DMGetLocalVector(structure->dm, &local));
-    PetscCall(LatinStructureGetLocal_Private(structure, NULL, structure->ground, local)); /* 0 at clamped vertices */
-    PetscCall(VecGetArrayRead(local, &g));
+    PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 at clamped vertices */
     for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
-    PetscCall(VecRestoreArrayRead(local, &g));
-    PetscCall(DMRestoreLocalVector(structure->dm, &local));
+    PetscCall(LatinStructureClose_Private(structure, &local, &g));
   }
   for (PetscInt i = 0; i < 2 * structure->links_local; i++) {
     if (LatinLaws[structure->law[i / 2]].rigid) continue;
@@ -167,14 +164,10 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &none));
-  PetscCall(DMGetLocalVector(structure->dm, &u));
-  PetscCall(DMGetLocalVector(structure->dm, &open));
   PetscCall(VecZeroEntries(none));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, none, u));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, none, &u, &a));
   PetscCall(VecSet(none, 1.0));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, none, open));
-  PetscCall(VecGetArrayRead(u, &a));
-  PetscCall(VecGetArrayRead(open, &free));
+  PetscCall(LatinStructureOpen_Private(structure, NULL, none, &open, &free));
   for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
     const PetscInt  *to = structure->ends + 2 * l;
     const PetscReal *n = structure->direction + dim * l, sign = LatinLawSign(structure->law[l]);
@@ -188,10 +181,8 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
     missed = sign * LatinHeldStrain(structure, l, a);
     if (held && missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * ends) bad = l;
   }
-  PetscCall(VecRestoreArrayRead(u, &a));
-  PetscCall(VecRestoreArrayRead(open, &free));
-  PetscCall(DMRestoreLocalVector(structure->dm, &u));
-  PetscCall(DMRestoreLocalVector(structure->dm, &open));
+  PetscCall(LatinStructureClose_Private(structure, &open, &free));
+  PetscCall(LatinStructureClose_Private(structure, &u, &a));
   PetscCall(DMRestoreGlobalVector(structure->dm, &none));
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
              "Link %" PetscInt_FMT " (%s) has prescribed displacements that are not kinematically admissible: they miss its gap by %g. Change them or its initial elongation, or remove the link", structure->links_start + bad,

@@ -156,9 +156,14 @@ PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[
 PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, PetscObject solver);
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
+PETSC_INTERN PetscErrorCode LatinStructureCheckMat_Private(LatinStructure, Mat);
 PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);
 PETSC_INTERN PetscErrorCode LatinStructureLoads_Private(LatinStructure, Vec more, Vec v);
 PETSC_INTERN PetscErrorCode LatinStructureGetLocal_Private(LatinStructure, const PetscReal held[], Vec u, Vec local);
+PETSC_INTERN PetscErrorCode LatinStructureOpen_Private(LatinStructure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a);
+PETSC_INTERN PetscErrorCode LatinStructureClose_Private(LatinStructure, Vec *local, const PetscScalar **a);
+PETSC_INTERN PetscErrorCode LatinStructureOpenForces_Private(LatinStructure, Vec *local, PetscScalar **f);
+PETSC_INTERN PetscErrorCode LatinStructureCloseForces_Private(LatinStructure, Vec *local, PetscScalar **f, Vec u, Vec load, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureElongations_Private(LatinStructure, const PetscReal held[], Vec u, PetscReal e[]);
 PETSC_INTERN PetscErrorCode LatinStructureStrains_Private(LatinStructure, Vec u, PetscReal x[]);
 PETSC_INTERN PetscErrorCode LatinStructureForces_Private(LatinStructure, const PetscReal tension[], Vec u, Vec load, Vec r);

@@ -14,9 +14,7 @@ typedef struct {
 } LatinTurned;
 
 /* Link l at the displacements a of the vertices. `rigid`: tensions of rigid links, NULL without rigid links, or if they are springs */
-PETSC_INTERN void LatinTurnedLink(LatinStructure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *);
-/* Gets the displacements of the vertices for LatinTurnedLink(); `held`: the prescribed ones, NULL: zero. Collective on the structure */
-PETSC_INTERN PetscErrorCode LatinTurnedOpen_Private(LatinStructure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a);
-PETSC_INTERN PetscErrorCode LatinTurnedClose_Private(LatinStructure, Vec *local, const PetscScalar **a);
+PETSC_INTERN void           LatinTurnedLink(LatinStructure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *);
+PETSC_INTERN PetscErrorCode LatinTurnedAdd_Private(LatinStructure, PetscInt l, const PetscReal k[], Mat);
 
 #endif

@@ -89,20 +89,17 @@ void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt
   }
 }
 
-PetscErrorCode LatinTurnedOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
+/* Adds the derivative k of the force of link l by the relative displacement of its ends, [dim][dim], to J. Not collective */
+PetscErrorCode LatinTurnedAdd_Private(LatinStructure structure, PetscInt l, const PetscReal k[], Mat J)
 {
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, local));
-  PetscCall(LatinStructureGetLocal_Private(structure, held, u, *local));
-  PetscCall(VecGetArrayRead(*local, a));
-  PetscFunctionReturn(0);
-}
+  const PetscInt dim = structure->dim, n = 2 * dim;
+  PetscInt       row[6];
+  PetscScalar    block[36];
 
-PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *local, const PetscScalar **a)
-{
   PetscFunctionBegin;
-  PetscCall(VecRestoreArrayRead(*local, a));
-  PetscCall(DMRestoreLocalVector(structure->dm, local));
+  for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+  for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
+  PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
   PetscFunctionReturn(0);
 }
 
@@ -114,19 +111,12 @@ PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscR
   PetscScalar   *v;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(VecZeroEntries(local));
-  PetscCall(VecGetArray(local, &v));
+  PetscCall(LatinStructureOpenForces_Private(structure, &local, &v));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     for (PetscInt c = 0; c < dim; c++) v[dim * structure->ends[2 * l] + c] -= f[dim * l + c];
     for (PetscInt c = 0; c < dim; c++) v[dim * structure->ends[2 * l + 1] + c] += f[dim * l + c];
   }
-  PetscCall(VecRestoreArray(local, &v));
-  if (structure->ground) PetscCall(VecPointwiseMult(r, structure->ground, u));
-  else PetscCall(VecZeroEntries(r));
-  if (load) PetscCall(VecAXPY(r, -1.0, load));
-  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, r));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureCloseForces_Private(structure, &local, &v, u, load, r));
   PetscFunctionReturn(0);
 }
 
@@ -138,12 +128,12 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurnedLink(structure, rigid, l, a, &link);
     tension[l] = link.tension;
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 
@@ -156,8 +146,8 @@ PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const 
   Vec                at, along;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
-  PetscCall(LatinTurnedOpen_Private(structure, held, step, &along, &s));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
+  PetscCall(LatinStructureOpen_Private(structure, held, step, &along, &s));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *sa = s + dim * structure->ends[2 * l], *sb = s + dim * structure->ends[2 * l + 1];
 
@@ -166,8 +156,8 @@ PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const 
     strain[l]  = link.x;
     tension[l] = LatinStructureTension(structure, NULL, l, link.x);
   }
-  PetscCall(LatinTurnedClose_Private(structure, &along, &s));
-  PetscCall(LatinTurnedClose_Private(structure, &at, &a));
+  PetscCall(LatinStructureClose_Private(structure, &along, &s));
+  PetscCall(LatinStructureClose_Private(structure, &at, &a));
   PetscFunctionReturn(0);
 }
 
@@ -181,7 +171,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurned link;
     PetscReal   along = 0.0;
@@ -191,7 +181,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
     for (PetscInt c = 0; c < dim; c++) along += link.n[c] * link.d[c];
     for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = link.tension * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(LatinTurningForces_Private(structure, f, u, structure->load, r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
@@ -206,13 +196,13 @@ PetscErrorCode LatinTurningMove_Private(LatinStructure structure, const PetscRea
   Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurnedOpen_Private(structure, held, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, held, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurnedLink(structure, NULL, l, a, &link);
     for (PetscInt c = 0; c < dim; c++) span[dim * l + c] = structure->span[dim * l + c] + link.d[c];
     x[l] = link.x;
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 
@@ -226,7 +216,7 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
   Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const LatinLaw *law   = &LatinLaws[structure->law[l]];
     PetscReal       along = 0.0, whole = 0.0;
@@ -241,7 +231,7 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
     }
     if (structure->geometry == LATIN_GEOMETRY_PRESTRESS) sum += 0.5 * link.across * (whole - along * along);
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(MPIU_Allreduce(&sum, energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecDot(structure->load, u, &work));
   *energy -= PetscRealPart(work);

@@ -48,24 +48,19 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
 /* Assembles the tangent stiffness. Collective on structure */
 PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
-  const PetscInt     dim = structure->dim, n = 2 * dim;
   const PetscScalar *a;
   Vec                local;
 
   PetscFunctionBegin;
   PetscCall(MatZeroEntries(J));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal   k[9];
-    PetscInt    row[6];
-    PetscScalar block[36];
+    PetscReal k[9];
 
     LatinTurnedBlock(structure, l, a, 0.0, k);
-    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
-    for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
-    PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
+    PetscCall(LatinTurnedAdd_Private(structure, l, k, J));
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
   if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
@@ -84,7 +79,7 @@ PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const P
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal *first = held + dim * structure->ends[2 * l], *second = held + dim * structure->ends[2 * l + 1];
     PetscReal        k[9];
@@ -95,7 +90,7 @@ PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const P
       for (PetscInt c = 0; c < dim; c++) f[dim * l + i] += k[dim * i + c] * (second[c] - first[c]);
     }
   }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(LatinTurningForces_Private(structure, f, u, NULL, r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
@@ -129,20 +124,14 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &structure));
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
-  PetscCall(DMGetLocalVector(structure->dm, &forces));
-  PetscCall(VecZeroEntries(forces));
-  PetscCall(VecGetArray(forces, &v));
+  PetscCall(LatinStructureOpenForces_Private(structure, &forces, &v));
   PetscCall(VecGetArrayRead(blocks, &k));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* zero at prescribed vertices */
+  PetscCall(LatinStructureOpen_Private(structure, NULL, x, &local, &a)); /* zero at prescribed vertices */
   if (structure->dim == 3) LatinTurnedProducts(structure, 3, k, a, v);
   else LatinTurnedProducts(structure, structure->dim, k, a, v);
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayRead(blocks, &k));
-  PetscCall(VecRestoreArray(forces, &v));
-  if (structure->ground) PetscCall(VecPointwiseMult(y, structure->ground, x));
-  else PetscCall(VecZeroEntries(y));
-  PetscCall(DMLocalToGlobal(structure->dm, forces, ADD_VALUES, y));
-  PetscCall(DMRestoreLocalVector(structure->dm, &forces));
+  PetscCall(LatinStructureCloseForces_Private(structure, &forces, &v, x, NULL, y));
   PetscFunctionReturn(0);
 }
 
@@ -174,10 +163,10 @@ PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, M
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
   PetscCall(VecGetArrayWrite(blocks, &k));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   PetscCall(LatinTurnedHold_Private(structure, a, &hold));
   for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, hold, k + structure->dim * structure->dim * l);
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayWrite(blocks, &k));
   PetscCall(PetscObjectStateIncrease((PetscObject)A));
   PetscFunctionReturn(0);

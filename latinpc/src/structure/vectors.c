@@ -42,6 +42,20 @@ PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
   PetscFunctionReturn(0);
 }
 
+/* Checks that J is a matrix of the structure's DM */
+PetscErrorCode LatinStructureCheckMat_Private(LatinStructure structure, Mat J)
+{
+  ISLocalToGlobalMapping map;
+  PetscInt               n, m;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetLocalToGlobalMapping(J, &map, NULL));
+  PetscCall(MatGetSize(J, &n, NULL));
+  PetscCall(VecGetSize(structure->load, &m));
+  PetscCheck(map && n == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
+  PetscFunctionReturn(0);
+}
+
 /* Checks that numbers of nodes or links, `each` per node or link, are finite, and >= 0 unless `negative`. Collective on comm */
 PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[])
 {
@@ -88,6 +102,47 @@ PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
+/* a: displacements of the DM's vertices, to read; `held`: prescribed ones, NULL for zero. Collective on structure */
+PetscErrorCode LatinStructureOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
+{
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, local));
+  PetscCall(LatinStructureGetLocal_Private(structure, held, u, *local));
+  PetscCall(VecGetArrayRead(*local, a));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinStructureClose_Private(LatinStructure structure, Vec *local, const PetscScalar **a)
+{
+  PetscFunctionBegin;
+  PetscCall(VecRestoreArrayRead(*local, a));
+  PetscCall(DMRestoreLocalVector(structure->dm, local));
+  PetscFunctionReturn(0);
+}
+
+/* f: forces of the DM's vertices, zero, to add to. Not collective */
+PetscErrorCode LatinStructureOpenForces_Private(LatinStructure structure, Vec *local, PetscScalar **f)
+{
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, local));
+  PetscCall(VecZeroEntries(*local));
+  PetscCall(VecGetArray(*local, f));
+  PetscFunctionReturn(0);
+}
+
+/* r = these forces + G u - load, with springs G to the ground; u and load may be NULL. Collective on structure */
+PetscErrorCode LatinStructureCloseForces_Private(LatinStructure structure, Vec *local, PetscScalar **f, Vec u, Vec load, Vec r)
+{
+  PetscFunctionBegin;
+  PetscCall(VecRestoreArray(*local, f));
+  if (structure->ground && u) PetscCall(VecPointwiseMult(r, structure->ground, u));
+  else PetscCall(VecZeroEntries(r));
+  if (load) PetscCall(VecAXPY(r, -1.0, load));
+  PetscCall(DMLocalToGlobal(structure->dm, *local, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(structure->dm, local));
+  PetscFunctionReturn(0);
+}
+
 /* Elongations B u of the links of this rank; `held`: prescribed displacements of vertices, NULL for zero. Collective on structure */
 PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal e[])
 {
@@ -95,12 +150,9 @@ PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(structure, held, u, local));
-  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, held, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) e[l] = LatinStructureElongation(structure, l, a);
-  PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscCall(PetscLogFlops(3.0 * structure->dim * structure->links_local));
   PetscFunctionReturn(0);
 }
@@ -121,16 +173,9 @@ PetscErrorCode LatinStructureForces_Private(LatinStructure structure, const Pets
   PetscScalar *f;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(VecZeroEntries(local));
-  PetscCall(VecGetArray(local, &f));
+  PetscCall(LatinStructureOpenForces_Private(structure, &local, &f));
   for (PetscInt l = 0; l < structure->links_local; l++) LatinStructureAddForce(structure, l, tension[l], f);
-  PetscCall(VecRestoreArray(local, &f));
-  if (structure->ground) PetscCall(VecPointwiseMult(r, structure->ground, u));
-  else PetscCall(VecZeroEntries(r));
-  if (load) PetscCall(VecAXPY(r, -1.0, load));
-  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, r));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureCloseForces_Private(structure, &local, &f, u, load, r));
   PetscCall(PetscLogFlops(3.0 * structure->dim * structure->links_local));
   PetscFunctionReturn(0);
 }
@@ -159,12 +204,9 @@ static PetscErrorCode LatinStructureGetDisplacements_Private(LatinStructure stru
 
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(displacement, structure->prescribed, structure->nodes_local * structure->dim));
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
-  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, structure->dim, MPIU_SCALAR, a, displacement, MPI_REPLACE));
-  PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 
