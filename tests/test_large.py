@@ -485,7 +485,7 @@ def test_a_view_says_what_was_done(tmp_path):
     snes.view(viewer)
     viewer.flush()
     text = (tmp_path / "view").read_text()
-    assert "geometry large" in text
+    assert "geometry large: operators rebuilt" in text
     assert 0.45 < float(text.split("times; ")[1].split(" of the loads borne")[0]) <= 0.5
 
 

@@ -20,8 +20,7 @@ PetscErrorCode LatinGetCost(Latin latin, LatinCost *cost)
   PetscReal sum[2] = {0.0, 0.0}, seconds[2];
 
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
-  PetscCheck(latin->set_up, comm, PETSC_ERR_ORDER, "The decomposition does not exist yet: call SNESSetUp() or PCSetUp() first");
+  PetscCall(LatinCheckSetUp_Private(latin));
   for (PetscInt b = 0; b < latin->solvers.n; b++) {
     PetscReal operations, bytes;
     PC        pc;

@@ -47,6 +47,8 @@ PETSC_INTERN PetscErrorCode LatinSetCoordinates_Private(PC, PetscInt dim, PetscI
 PETSC_INTERN PetscErrorCode LatinSetUpOperator_Private(Latin, PetscObject solver, PC, DM);
 /* ---- core/options.c ---- */
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscObject solver);
+/* ---- core/results.c ---- */
+PETSC_INTERN PetscErrorCode LatinCheckSetUp_Private(Latin);
 /* ---- core/view.c ---- */
 PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
 /* ---- core/mechanism.c ---- */

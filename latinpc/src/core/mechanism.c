@@ -131,7 +131,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
              !named        ? ""
              : sub->matrix ? ". Unknowns of the field that shows it: "
                            : ". Nodes that move (counted from 0): ",
-             names, named > 8 ? " and others" : "",
+             names, named > LATIN_MOVED_NAMED ? " and others" : "",
              sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()"
              : driven    ? "Change the prestress, prescribe more displacements, or add links"
              : held      ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"

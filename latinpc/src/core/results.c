@@ -2,7 +2,7 @@
 
 /* Getters of the decomposition: sizes, subdomains, classes of nodes, homogenised stiffness, inner solvers. */
 
-static PetscErrorCode LatinCheckSetUp_Private(Latin latin)
+PetscErrorCode LatinCheckSetUp_Private(Latin latin)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);

@@ -73,7 +73,7 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 PetscErrorCode SNESLatinFirst_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   warm = (PetscBool)(data->warm && data->has_state);
+  PetscBool   warm = SNESLatinWarm(data);
   PetscReal   size, loads;
 
   PetscFunctionBegin;
@@ -206,8 +206,10 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
-  else if (SNESLatinUnbalanceRounded(snes)) *next = LATIN_NEXT_ROUNDING;
-  else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
+  else if (SNESLatinUnbalanceRounded(snes)) {
+    *next                = LATIN_NEXT_ROUNDING;
+    data->estimate.floor = 1.0;
+  } else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
   else if (SNESLatinLeft(snes, loads)) *next = LATIN_NEXT_ROUNDING;
   else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;

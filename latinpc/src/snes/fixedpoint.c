@@ -80,7 +80,7 @@ static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *chang
   if (!is) PetscFunctionReturn(0);
   /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
   PetscCall(PetscOptionsCreate(&defaults));
-  PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
+  PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", PetscStringize(LATIN_OUTER_DEPTH)));
   PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart_type", rigid ? "periodic" : "none"));
   if (rigid) PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart", "30"));
   PetscCall(PetscOptionsPush(defaults));
@@ -305,7 +305,7 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
   const LatinSubdomains *sub  = &data->latin->sub;
 
   PetscFunctionBegin;
-  if (!data->warm || !data->has_state) {
+  if (!SNESLatinWarm(data)) {
     if (data->guess || data->latin->sub.part) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, NULL, data->z));
     else PetscCall(LatinInitialState_Private(&data->latin->linear, data->z));
     data->has_before = PETSC_FALSE;

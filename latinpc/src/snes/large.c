@@ -23,12 +23,6 @@
 #define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
 #define LATIN_LARGE_CREEPS     0.9 /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far, and links that change are not counted */
 
-/* Does Newton's method follow the iteration? */
-static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
-{
-  return (PetscBool)(SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER);
-}
-
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
   large->idle   = 0;

@@ -40,7 +40,7 @@ PetscErrorCode SNESLatinLargeTaut_Private(SNES snes, Vec u, PetscBool *taut)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
-  PetscMPIInt          other     = (PetscMPIInt)(!SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER);
+  PetscMPIInt          other     = (PetscMPIInt)!SNESLatinLargeProves(data);
   PetscBool           *bar;
   PetscReal           *tension;
   PetscErrorCode       ierr;
@@ -81,7 +81,7 @@ PetscErrorCode SNESLatinLargeConvex_Private(SNES snes)
   Vec                  away;
 
   PetscFunctionBegin;
-  if ((data->next != LATIN_NEXT_DIVERGED && data->next != LATIN_NEXT_NOT_FINITE) || structure->midpoint || !SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscFunctionReturn(0);
+  if ((data->next != LATIN_NEXT_DIVERGED && data->next != LATIN_NEXT_NOT_FINITE) || structure->midpoint || !SNESLatinLargeProves(data)) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &away));
   PetscCall(VecCopy(snes->vec_sol, away));
   PetscCall(LatinConvexCarried_Private(snes, snes->vec_sol));

@@ -30,7 +30,7 @@ PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
   PetscFunctionBegin;
   *done = PETSC_FALSE;
   PetscCall(LatinPathPlace_Private(snes, u));
-  if (!SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscFunctionReturn(0);
+  if (!SNESLatinLargeProves(data)) PetscFunctionReturn(0);
   PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_FALSE, done));
   PetscFunctionReturn(0);
 }
@@ -49,7 +49,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
   if (near && !(inside && *inside)) PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
   else PetscCall(LatinPathPlace_Private(snes, u));
   if (done) PetscFunctionReturn(0);
-  if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
+  if (near && SNESLatinLargeProves(data)) {
     if (inside) *inside = PETSC_TRUE;
     PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
     PetscFunctionReturn(0);

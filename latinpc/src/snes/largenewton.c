@@ -137,12 +137,12 @@ static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large
 }
 
 /* After a step, of a part of the displacements: does it end the method? Collective on newton */
-static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, PetscReal fnorm, SNESConvergedReason *reason)
+static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, SNESConvergedReason *reason)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
   LatinLarge        *large  = &data->large;
   const PetscReal    before = it > 1 ? large->error : PETSC_MAX_REAL;
-  PetscReal          tensions;
+  PetscReal          tensions, fnorm;
   PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target), far;
   KSPConvergedReason linear;
   PetscInt           stages, last;
@@ -198,7 +198,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
   else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */ large->error = 0.0;
     *reason                                                                                                                                                                                        = SNES_CONVERGED_FNORM_ABS;
-  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, fnorm, reason)); /* the whole step: parts of it are small also where none leads on */
+  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, reason)); /* the whole step: parts of it are small also where none leads on */
   PetscFunctionReturn(0);
 }
 

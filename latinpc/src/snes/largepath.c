@@ -302,11 +302,11 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
-  if (structure->midpoint && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
+  if (structure->midpoint && SNESLatinLargeProves(data)) {
     PetscCall(SNESLatinLargeStep_Private(snes));
     PetscFunctionReturn(0);
   }
-  if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
+  if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
     if (!struts) PetscCall(SNESLatinLargeConvex_Private(snes));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;

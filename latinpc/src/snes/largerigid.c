@@ -52,7 +52,6 @@ static PetscErrorCode LatinTautFrom_Private(SNES snes, Vec u)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE, NULL));
   if (LatinNextConverged(((SNES_Latin *)snes->data)->next)) PetscFunctionReturn(0);
-  PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE, NULL));
   PetscFunctionReturn(0);
 }
@@ -85,7 +84,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   for (PetscInt l = 0; l < structure->links_local; l++)
     if (!LatinLaws[structure->law[l]].rigid && (structure->law[l] != LATIN_LAW_CABLE || LatinStructureKeeps(structure, l))) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *convex = (PetscBool)(!any && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER && !(data->warm && data->has_state) && !(snes->ops->converged && snes->ops->converged != SNESConvergedDefault));
+  *convex = (PetscBool)(!any && SNESLatinLargeProves(data) && !SNESLatinWarm(data) && !SNESLatinUserTest(snes));
   PetscFunctionReturn(0);
 }
 

@@ -144,7 +144,7 @@ PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *fro
   PetscFunctionBegin;
   PetscCall(LatinStructureLoads_Private(structure, rhs, path->whole));
   PetscCall(VecZeroEntries(path->first));
-  *from = last = (PetscBool)(data->warm && data->has_state);
+  *from = last = SNESLatinWarm(data);
   if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));
   if (*from || data->guess) {
     PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));

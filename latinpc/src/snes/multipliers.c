@@ -17,19 +17,19 @@
 #define LATIN_FLOOR_GROWS 1e3 /* growth of the tangent stiffness of slack links (newton->floor) after a singular linear solve */
 #define LATIN_FLOOR_TIMES 3   /* most such growths */
 
-/* Replaces rigid links by springs; the multipliers are the tensions of the iteration. Collective on latin */
-PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
+/* Replaces rigid links by springs; the multipliers are the tensions of the iteration */
+PetscErrorCode LatinMultipliersStart_Private(LatinNewton *newton)
 {
-  LatinStructure structure = latin->sub.structure;
+  LatinStructure structure = newton->structure;
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   /* penalty must not be NULL on a rank without links: NULL means none */
   if (!newton->penalty) PetscCall(PetscMalloc3(structure->links_local + 1, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal tension = latin->linear.rigid_tension[l];
+    const PetscReal tension = newton->latin->linear.rigid_tension[l];
 
-    newton->penalty[l]    = LatinLaws[structure->law[l]].rigid ? LATIN_PENALTY * latin->sub.link_stiffness[l] : 0.0;
+    newton->penalty[l]    = LatinLaws[structure->law[l]].rigid ? LATIN_PENALTY * newton->latin->sub.link_stiffness[l] : 0.0;
     newton->multiplier[l] = LatinLaws[structure->law[l]].rigid && !PetscIsInfOrNanReal(tension) ? tension : 0.0;
   }
   structure->penalty    = newton->penalty;
@@ -184,13 +184,13 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
 }
 
 /* Makes links rigid again; if `solved`, their tensions are the multipliers */
-PetscErrorCode LatinMultipliersEnd_Private(Latin latin, LatinNewton *newton, PetscBool solved)
+PetscErrorCode LatinMultipliersEnd_Private(LatinNewton *newton, PetscBool solved)
 {
-  LatinStructure structure = latin->sub.structure;
+  LatinStructure structure = newton->structure;
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (solved) PetscCall(PetscArraycpy(latin->linear.rigid_tension, newton->multiplier, structure->links_local));
+  if (solved) PetscCall(PetscArraycpy(newton->latin->linear.rigid_tension, newton->multiplier, structure->links_local));
   structure->penalty = structure->multiplier = NULL;
   PetscFunctionReturn(0);
 }

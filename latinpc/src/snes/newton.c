@@ -483,7 +483,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED &&
       newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones: else two of 964 loads that tables bear are refused */
     PetscCall(VecCopy(start, u));
-    PetscCall(LatinMultipliersStart_Private(newton->latin, newton));
+    PetscCall(LatinMultipliersStart_Private(newton));
     newton->own_laws = PETSC_FALSE;
     PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
     newton->own_laws = own_laws;

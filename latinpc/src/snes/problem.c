@@ -15,7 +15,7 @@ static PetscErrorCode SNESLatinRestore_Private(SNES snes)
   PetscReal   size  = 1.0;
 
   PetscFunctionBegin;
-  if (!(large->frame ? large->renewals && !large->frame->turns->base : data->latin->tuning != 1.0 && !data->has_state) || (data->warm && data->has_state)) PetscFunctionReturn(0);
+  if (!(large->frame ? large->renewals && !large->frame->turns->base : data->latin->tuning != 1.0 && !data->has_state) || SNESLatinWarm(data)) PetscFunctionReturn(0);
   if (snes->vec_sol) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
   if (size > 0.0) PetscFunctionReturn(0);
   if (large->frame) { /* operators keep their pattern */
@@ -45,7 +45,7 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
     PetscCall(LatinFrameFollow_Private(large->frame));
     PetscCall(SNESLatinRestore_Private(snes));
   } else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
-  if (large->frame->spring && !(data->warm && data->has_state)) PetscCall(LatinFrameSprings_Private(large->frame, PETSC_TRUE));
+  if (large->frame->spring && !SNESLatinWarm(data)) PetscCall(LatinFrameSprings_Private(large->frame, PETSC_TRUE));
   *problem = large->frame;
   PetscFunctionReturn(0);
 }

@@ -286,8 +286,8 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
   if (data->done)
     PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
-  if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
-  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
+  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry large: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
+  else if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));

@@ -213,7 +213,7 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   PetscCall(SNESLatinRun_Private(snes));
-  if ((data->next == LATIN_NEXT_ROUNDING || data->next == LATIN_NEXT_DIVERGED) && (data->guess || (data->warm && data->has_state)) && !data->large.frame) { /* a guess, or the last state, may be far from the solution: from rest */
+  if ((data->next == LATIN_NEXT_ROUNDING || data->next == LATIN_NEXT_DIVERGED) && (data->guess || SNESLatinWarm(data)) && !data->large.frame) { /* a guess, or the last state, may be far from the solution: from rest */
     data->has_state = PETSC_FALSE;
     PetscCall(VecZeroEntries(snes->vec_sol));
     PetscCall(SNESLatinPrepare_Private(snes));

@@ -100,9 +100,9 @@ PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec m
 #define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)       /* least tangent stiffness of a link, relative to the greatest stiffness: less is a mechanism to the factorisation */
 #define LATIN_NEWTON_REST           (64.0 * PETSC_MACHINE_EPSILON) /* relative change of displacements, or of the forces of a time step, that is rounding */
 PETSC_INTERN PetscErrorCode LatinStepRests_Private(LatinStructure, Vec moved, PetscReal tensions, PetscBool *);
-PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
+PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
-PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
+PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinCorrected_Private(PC, PetscBool corrected);
@@ -250,6 +250,16 @@ static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)
 {
   return (PetscBool)(data->stop == LATIN_STOP_ERROR || data->stop == LATIN_STOP_ENERGY);
 }
+/* Does Newton's method follow the iteration, where links turn? */
+static inline PetscBool SNESLatinLargeProves(const SNES_Latin *data)
+{
+  return (PetscBool)(SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER);
+}
+/* Does the solve start from the state of the last one? */
+static inline PetscBool SNESLatinWarm(const SNES_Latin *data)
+{
+  return (PetscBool)(data->warm && data->has_state);
+}
 /* Has the user given a step tolerance? */
 static inline PetscBool SNESLatinStolGiven(SNES snes)
 {
@@ -298,14 +308,10 @@ static inline PetscBool SNESLatinLeft(SNES snes, PetscReal loads)
 
 #define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */
 
-/* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING */
+/* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING, and no digit of the error */
 static inline PetscBool SNESLatinUnbalanceRounded(SNES snes)
 {
-  SNES_Latin     *data    = (SNES_Latin *)snes->data;
-  const PetscBool rounded = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > LATIN_UNBALANCE_ROUNDING);
-
-  if (rounded) data->estimate.floor = 1.0;
-  return rounded;
+  return (PetscBool)(SNESLatinBalances(snes) && ((SNES_Latin *)snes->data)->found.rounding > LATIN_UNBALANCE_ROUNDING);
 }
 
 /* snes/fixedpoint.c */

@@ -62,7 +62,10 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   else if (shown) *done = PETSC_FALSE;
   if (!*done) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a linear solve has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
-  if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) data->next = LATIN_NEXT_ROUNDING;
+  if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) {
+    data->next           = LATIN_NEXT_ROUNDING;
+    data->estimate.floor = 1.0;
+  }
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
   PetscFunctionReturn(0);
@@ -146,14 +149,14 @@ static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, Pet
   else PetscCall(SNESLatinResidual_Private(snes)); /* the estimated error is small: from these displacements, and these tensions of rigid links */
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinNewtonBalance_Private(snes, own, &newton->balance));
-  PetscCall(LatinMultipliersStart_Private(data->latin, newton));
+  PetscCall(LatinMultipliersStart_Private(newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, own, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, stall || !SNESLatinEstimates(data) ? 0.0 : data->estimate.value, snes->vec_sol, reason));
   data->found = newton->found;
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
   if (step && !data->found.verdict) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
-  PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(*reason > 0)));
+  PetscCall(LatinMultipliersEnd_Private(newton, (PetscBool)(*reason > 0)));
   if (data->found.verdict == LATIN_UNBOUNDED || data->found.verdict == LATIN_JAMMED) data->next = LATIN_NEXT_DIVERGED;
   PetscFunctionReturn(0);
 }
