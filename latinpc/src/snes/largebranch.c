@@ -27,12 +27,10 @@ static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, Pets
   PetscCall(VecCopy(path->u, snes->vec_sol));
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(VecCopy(path->first, path->step));
-  PetscCall(VecAXPBY(path->step, part, 1.0 - part, path->whole));
   PetscCall(DMGetGlobalVector(data->large.frame->turns->dm, &step));
   PetscCall(VecCopy(path->ahead, step));
   PetscCall(VecScale(step, first));
-  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, step, &heavier, v, stable));
+  PetscCall(SNESLatinLargeDescend_Private(snes, step, &heavier, v, stable));
   PetscCall(DMRestoreGlobalVector(data->large.frame->turns->dm, &step));
   if (!*stable) PetscFunctionReturn(0);
   PetscCall(SNESLatinLargeFrom_Private(snes, v, PETSC_TRUE, NULL));

@@ -27,7 +27,7 @@
 
 typedef struct {
   LatinStructure structure;
-  Vec            load, weight; /* the loads; what an unknown is as displacement: the size times the root of the mean stiffness over that at the node */
+  Vec            load, weight; /* the loads, those of snes included; what an unknown is as displacement: the size times the root of the mean stiffness over that at the node */
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
   PetscReal      times;        /* the loads act */
@@ -259,11 +259,11 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscFunctionReturn(0);
 }
 
-/* From u down to a state in balance under the load, if *rests; else u stays. step: its length where it is to stay near u, with the operators there are, NULL: any. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
-PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, PetscBool *heavier, Vec u, PetscBool *rests)
+/* From u down to a state in balance under the loads of snes, if *rests; else u stays. step: its length where it is to stay near u, with the operators there are, NULL: any. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
+PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec step, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;
-  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .load = load, .step = step};
+  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .step = step};
   PetscReal          loads;
   TaoConvergedReason reason;
   Tao                tao;
@@ -272,6 +272,7 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, Pets
 
   PetscFunctionBegin;
   PetscCall(VecDuplicate(u, &x));
+  PetscCall(VecDuplicate(u, &descent.load));
   PetscCall(VecDuplicate(u, &descent.weight));
   PetscCall(VecDuplicate(u, &descent.more));
   PetscCall(VecDuplicate(u, &descent.u));
@@ -282,7 +283,8 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, Pets
     PetscCall(VecDuplicate(u, &descent.start));
     PetscCall(VecCopy(u, descent.start));
   }
-  PetscCall(VecPointwiseMult(x, load, descent.weight));
+  PetscCall(LatinStructureLoads_Private(descent.structure, snes->vec_rhs, descent.load));
+  PetscCall(VecPointwiseMult(x, descent.load, descent.weight));
   PetscCall(VecNorm(x, NORM_2, &loads));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));
   PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
@@ -296,5 +298,6 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec load, Vec step, Pets
   PetscCall(VecDestroy(&descent.u));
   PetscCall(VecDestroy(&descent.more));
   PetscCall(VecDestroy(&descent.weight));
+  PetscCall(VecDestroy(&descent.load));
   PetscFunctionReturn(0);
 }

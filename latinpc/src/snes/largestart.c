@@ -93,9 +93,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
 
   PetscFunctionBegin;
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(VecCopy(path->whole, path->step));
-  PetscCall(VecScale(path->step, part));
-  PetscCall(SNESLatinLargeDescend_Private(snes, path->step, NULL, &path->heavier, path->u, starts));
+  PetscCall(SNESLatinLargeDescend_Private(snes, NULL, &path->heavier, path->u, starts));
   if (*starts) {
     PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
     *starts = LatinNextConverged(data->next);
