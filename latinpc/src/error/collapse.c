@@ -113,7 +113,7 @@ PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ks
   PetscFunctionBegin;
   *steps = *stages = 0;
   *held            = PETSC_FALSE;
-  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a time step always has a solution; contacts with friction have no energy, see LatinConesCreate_Private() */
+  if (!LatinCollapseMay(structure)) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualCreate_Private(&c, more));
   if (c.count > 0.0) PetscCall(LatinCollapseRun_Private(&c, most, bears, steps, held, found));
   *stages = c.stages;

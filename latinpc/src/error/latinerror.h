@@ -113,6 +113,12 @@ PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal
 #define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* times the tensions of bars: tensions of an equilibrium that rounding would destroy */
 #define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4) /* elongations of d that count as zero, relative to those of bars */
 
+/* May it be proved that there is none? A time step always has a solution, contacts with friction have no energy (see LatinConesCreate_Private()), and proofs are of directions as drawn */
+static inline PetscBool LatinCollapseMay(const LatinStructure structure)
+{
+  return (PetscBool) !(structure->ground || structure->rubs || structure->span);
+}
+
 /*
    Does d prove that loads have no equilibrium? push: their work F.d, the loads scaled to tensions of norm 1 if all links are bars;
    resisted, all: squared elongations that links resist, and all; beside: the largest load of the structure, in the same scale, since its tensions

@@ -9,7 +9,8 @@
    Fixed directions of the node, and the third one of a plane structure, count as bars.
 
    Irregular structures without equilibrium have loose nodes first, which a sweep over the links finds. For mechanisms of
-   several nodes see error/loosepatches.c.
+   several nodes see error/loosepatches.c. Both searches stay: without that of nodes refusals take 1.3 to 2.7 times as long and name fewer nodes; that of patches,
+   at a stall in its place, doubles the time of structures that hold (benchmarks/refusals.py, seeds 101, 102).
 */
 
 #define LATIN_LOOSE_FAR   10.0 /* times the size of the structure: displacements that no equilibrium has */
@@ -162,7 +163,7 @@ PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more,
   Vec        step;
 
   PetscFunctionBegin;
-  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* as in error/collapse.c */
+  if (!LatinCollapseMay(structure)) PetscFunctionReturn(0);
   PetscCall(PetscMalloc2(structure->nodes_local + 1, &first, structure->dim * structure->nodes_local, &load));
   PetscCall(LatinLooseGather_Private(structure, first, &half));
   PetscCall(DMGetGlobalVector(structure->dm, &step));

@@ -230,7 +230,7 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   Vec            step;
 
   PetscFunctionBegin;
-  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* as in error/collapse.c */
+  if (!LatinCollapseMay(structure)) PetscFunctionReturn(0);
   PetscCall(PetscNew(&p));
   p->structure = structure;
   PetscCall(LatinPatchRoom_Private(p));
