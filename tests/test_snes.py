@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, solve, unbalance
 
 import latinpc
+from latinpc import _latin
 from latinpc.options import default_options
 from latinpc.scenes import Law, Scene, make
 
@@ -310,6 +311,15 @@ def test_bounds_are_refused():
         with pytest.raises(PETSc.Error) as caught:
             run.snes.solve(None, run.structure.create_vec())
         assert "does not take bounds" in latinpc.error_message(caught.value)
+
+
+@pytest.mark.parametrize("choice", ["stop", "warm_start", "newton"])
+def test_choices_that_do_not_exist_are_refused(choice):
+    """As a C program may give them, by their number."""
+    with latin(lattice()) as run:
+        for number in (-1, 100):
+            with pytest.raises(latinpc.LatinError, match=f"There is no .*{number}.*: take one of Latin"):
+                getattr(_latin, f"set_{choice}")(run.snes, number)
 
 
 def test_stop_on_a_reference_needs_one():

@@ -24,8 +24,10 @@ static PetscErrorCode SNESLatinBelongs_Private(SNES snes, PetscBool set, const c
 
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
-  SNES_Latin       *data  = (SNES_Latin *)snes->data;
-  LatinStopType     stop  = data->requested;
+  SNES_Latin       *data   = (SNES_Latin *)snes->data;
+  LatinStopType     stop   = data->requested;
+  LatinWarmStart    warm   = data->warm;
+  LatinNewtonType   newton = data->newton.type;
   PetscReal         error = data->target, balance = data->balance;
   PetscBool         set;
   PetscViewer       viewer;
@@ -54,8 +56,10 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Rotation of links: none (linear), small angles with the tensions as drawn (prestress), any (large); of the structure, for all its solvers", "LatinStructureSetGeometry", LatinGeometries,
                              (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
   if (set) data->large.given = PETSC_TRUE;
-  PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
-  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method on stagnation and to prove an error (auto), or never", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type, (PetscEnum *)&data->newton.type, NULL));
+  PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)warm, (PetscEnum *)&warm, NULL));
+  PetscCall(SNESLatinSetWarmStart(snes, warm));
+  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method on stagnation and to prove an error (auto), or never", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)newton, (PetscEnum *)&newton, NULL));
+  PetscCall(SNESLatinSetNewton(snes, newton));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors if computed", "None", &viewer, &format, &set));
   PetscOptionsHeadEnd();
   if (set) {
@@ -100,6 +104,7 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck((int)stop >= LATIN_STOP_INDICATOR && (int)stop <= LATIN_STOP_AUTO, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no stop %d: take one of LatinStopType", (int)stop);
   data                  = (SNES_Latin *)snes->data;
   data->requested       = stop;
   data->stop            = stop == LATIN_STOP_AUTO ? LATIN_STOP_ERROR : stop;
@@ -253,6 +258,7 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck((int)type >= LATIN_NEWTON_AUTO && (int)type <= LATIN_NEWTON_NEVER, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no choice %d of Newton's method: take one of LatinNewtonType", (int)type);
   ((SNES_Latin *)snes->data)->newton.type = type;
   PetscFunctionReturn(0);
 }
@@ -305,6 +311,7 @@ PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck((int)warm >= LATIN_WARM_START_NONE && (int)warm <= LATIN_WARM_START_EXTRAPOLATE, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no warm start %d: take one of LatinWarmStart", (int)warm);
   ((SNES_Latin *)snes->data)->warm = warm;
   PetscFunctionReturn(0);
 }
