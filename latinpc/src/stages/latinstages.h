@@ -75,7 +75,6 @@ PETSC_INTERN PetscErrorCode LatinLinearExpand(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 
 /* ---- linear stage if all interfaces are primal (stages/substructures.c) ---- */
-PETSC_INTERN PetscErrorCode       LatinSubstructuresAre(const LatinLinear *, PetscBool *);
 PETSC_INTERN PetscErrorCode       LatinSubstructuresFactor(const LatinLinear *, PetscInt batch, Mat *);
 PETSC_INTERN LatinEntriesCallback LatinSubstructuresCallback(LatinLinear *);
 PETSC_INTERN PetscErrorCode       LatinSubstructuresStiffness(LatinLinear *);

@@ -186,7 +186,8 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   linear->solves  = 0;
   linear->seconds = 0.0;
   PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
-  PetscCall(LatinSubstructuresAre(linear, &linear->substructures));
+  linear->substructures = PETSC_FALSE;
+  if (linear->inter->variant == LATIN_VARIANT_PRIMAL) PetscCall(LatinSolverIsDefault_Private(sub->object, "local", &linear->substructures));
   PetscCall(LatinLinearOffsets_Private(linear));
   PetscCall(PetscMalloc1(n, &linear->spring));
   PetscCall(PetscMalloc1(sides, &linear->outgoing));

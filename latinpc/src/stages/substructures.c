@@ -8,15 +8,6 @@
    No dense matrix is kept: H is added to the coarse matrix.
 */
 
-/* Is the linear stage one of substructures? */
-PetscErrorCode LatinSubstructuresAre(const LatinLinear *linear, PetscBool *are)
-{
-  PetscFunctionBegin;
-  *are = PETSC_FALSE;
-  if (linear->inter->variant == LATIN_VARIANT_PRIMAL) PetscCall(LatinSolverIsDefault_Private(linear->sub->object, "local", are));
-  PetscFunctionReturn(0);
-}
-
 PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batch, Mat *F)
 {
   PC pc;
