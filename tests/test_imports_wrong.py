@@ -85,6 +85,24 @@ def test_a_wrong_entity_of_a_drawing_is_named_with_its_line(tmp_path):
         latinpc.read(path, **options)
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_decimal_points_beside_decimal_commas_are_refused(mark, tmp_path):
+    written(tmp_path, "csv")
+    nodes, members = tmp_path / "bars-nodes.csv", tmp_path / "bars-members.csv"
+    nodes.write_text("node;x;y;fix;Fy\nleft;0;3;xy;\nmiddle;4;0;;-1.000\nright;8;3;xy;\n".replace(";", mark))
+    assert latinpc.read(nodes).load.min() == -1.0
+    text = nodes.read_text()
+    nodes.write_text(text.replace("4", "4,0"))
+    with pytest.raises(
+        ValueError, match=r"bars-nodes\.csv, line 3: Fy is '-1\.000', but x is '4,0' in bars-nodes\.csv"
+    ):
+        latinpc.read(nodes)
+    nodes.write_text(text.replace("-1.000", "-1,000"))
+    members.write_text("start;end;EA\nleft;middle;42\nmiddle;right;42.000\n".replace(";", mark))
+    with pytest.raises(ValueError, match=r"bars-members\.csv, line 3: EA is '42\.000', but Fy is '-1,000' in .*line 3"):
+        latinpc.read(nodes)
+
+
 OPTIONS = [
     ({"support": "feet"}, ["--support feet", "chooses no nodes", "its groups are points, ropes"]),
     ({"support": "x<5:z"}, ["--support x<5:z", "fix must be a list out of ['x', 'y']"]),

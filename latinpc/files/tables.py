@@ -9,10 +9,9 @@ words: ``roof-nodes.csv`` and ``roof-members.csv``. Columns come in any order; t
 
 ``group`` takes several names with ``;`` between them. ``fix`` is a word such as ``xyz`` or ``z``: the held directions,
 by ``ux`` etc. if those are given. ``law`` and the columns after it are as in the TOML file, which gives by groups what
-they leave out. A unit in a heading, ``x
-[mm]`` or ``EA (kN)``, converts the column; without one it is in m, N and kg. Without ``node``, nodes are numbered from
-1. Commas, semicolons or tabs separate; where commas do not, they are decimal commas. Empty lines, and lines that begin
-with ``#``, are left out.
+they leave out. A unit in a heading, ``x [mm]`` or ``EA (kN)``, converts the column; without one it is in m, N and kg.
+Without ``node``, nodes are numbered from 1. Commas, semicolons or tabs separate; where commas do not, the decimal mark
+is a comma or a point, the same in both files. Empty lines, and lines that begin with ``#``, are left out.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ def read_tables(path):
                 nodes_file, row, f"node '{name}' is there already, on line {nodes.rows[number[name]]}", "one line each"
             )
         number[name] = len(number)
-    members = Table(members_file, MEMBERS, ("start", "end"))
+    members = Table(members_file, MEMBERS, ("start", "end"), nodes)
     ends = np.column_stack([_ends(members, key, number, nodes_file) for key in ("start", "end")])
     same = np.flatnonzero(ends[:, 0] == ends[:, 1])
     if same.size:
@@ -113,14 +112,16 @@ class Table:
     path : Path
     known, needed : tuple of str
         Names of columns.
+    beside : Table, optional
+        Another of the same structure, which has the same decimal mark.
     """
 
-    def __init__(self, path, known, needed):
+    def __init__(self, path, known, needed, beside=None):
         self.path, self.known = path, known
         text = read_text(path)
         head = next((line for line in text.split("\n") if line.strip() and not line.lstrip().startswith("#")), "")
         delimiter = max(",;\t", key=head.count)
-        self.decimal = "." if delimiter == "," else ","
+        self.decimal, self.marks = "." if delimiter == "," else ",", beside.marks if beside else {}
         rows, self.comments = [], []
         reader = csv.reader(text.split("\n"), delimiter=delimiter, skipinitialspace=True)
         try:
@@ -190,15 +191,22 @@ class Table:
             return np.zeros(len(self.rows))
         values = np.zeros(len(self.rows))
         for index, cell in enumerate(self.columns[name]):
-            number = self.number(cell) if cell or name in NEEDED else 0.0
-            if number is None:
-                wrong(self.path, self.rows[index], f"{name} is '{cell}'", "a finite number")
-            values[index] = number
-        return values * self.scale.get(name, 1.0)
+            values[index] = self.number(index, name) if cell or name in NEEDED else 0.0
+        return values
 
-    def number(self, cell):
-        """Return a cell as a finite number, None where it is none."""
-        return finite(cell.replace(self.decimal, "."))
+    def number(self, index, name):
+        """Return the number in a row of a column, in SI units; refuse decimal points beside decimal commas."""
+        cell, row = self.columns[name][index], self.rows[index]
+        number = finite(cell.replace(self.decimal, "."))
+        if number is None:
+            wrong(self.path, row, f"{name} is '{cell}'", "a finite number")
+        for mark in self.decimal + "." if self.decimal == "," else "":
+            if mark in cell:
+                self.marks.setdefault(mark, (self.path, row, f"{name} is '{cell}'"))
+        if len(self.marks) > 1:  # 42.000 is 42 thousand where 1,5 is one and a half
+            (path, row, said), (other, there, before) = self.marks["."], self.marks[","]
+            wrong(path, row, f"{said}, but {before} in {other.name}, line {there}", "one decimal mark")
+        return number * self.scale.get(name, 1.0)
 
     def groups(self):
         """Return the rows of each name in the column group."""
@@ -245,9 +253,6 @@ def _laws(members):
             if name == "law":
                 table[name] = cell.lower().replace("-", "_").replace(" ", "_")
                 continue
-            number = members.number(cell)
-            if number is None:
-                wrong(members.path, members.rows[rows[0]], f"{name} is '{cell}'", "a finite number")
-            table[name] = number * members.scale.get(name, 1.0)
+            table[name] = members.number(rows[0], name)
         laws.append((where, np.array(rows), table))
     return laws
