@@ -65,6 +65,12 @@ def test_info_names_the_kernels_of_openblas():
     assert re.search(rf"BLAS +OpenBLAS [\d.]+, kernels {kernels}$", text, re.MULTILINE)
 
 
+def test_help_of_cases_has_no_options_of_scenes():
+    assert "--modules" in latinpc("form", "--help").stdout
+    text = latinpc("cases", "--help").stdout
+    assert "--self-weight" in text and "--subdomains" in text and "--modules" not in text
+
+
 def test_the_module_is_the_command():
     """`python3 -m latinpc`, for who has no script on the path."""
     said = subprocess.run(
@@ -237,6 +243,10 @@ BAD = [
         ["solve", TOWER, "--num-steps", "1", "--output-every", "-2", "--csv", "a.csv", "b.csv"],
         "--output-every -2: every",
     ),
+    (["solve", TOWER, "--json", "a", "--quiet", "--json", "b"], "--json is given twice; keep one"),
+    (["info", "--json", "a", "--json", "a"], "--json is given twice; keep one"),
+    (["form", TOWER, "--picture", "a.png", "--picture", "b.png"], "--picture is given twice; keep one"),
+    (["paper", "4", "--outer", "anderson", "--outer", "richardson"], "--outer is given twice; keep one"),
     (["modes", TOWER, "--mode", "2"], "--mode is for animations: give --gif"),
     (["solve", TOWER, "--json", "nowhere/r.json"], "the folder nowhere does not exist"),
     (["solve", TOWER, "-options_file", "nowhere.opts"], "no such file"),

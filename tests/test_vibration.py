@@ -414,8 +414,22 @@ def test_command_of_buckling_and_drawn_states():
         (("--number", "0"), "at least one mode"),
         (("--mode", "9", "--gif", "a.gif"), "choose one of the modes from 1 to 6"),
         (("--gif", "a.png"), "cannot write '.png'"),
+        (("--buckling", "--node-mass", "2"), "--node-mass is for frequencies: leave out --buckling"),
     ):
         assert said in command("modes", *grid, *words, code=2).stderr
+
+
+@slepc
+def test_cases_of_loads_do_not_act_on_frequencies_as_drawn(tmp_path):
+    (tmp_path / "nodes.csv").write_text("node,x,fix,mass\na,0,x,\nb,1,,2\n")
+    (tmp_path / "members.csv").write_text("start,end,EA\na,b,1e3\n")
+    cases = "[[case]]\nname = 'wind'\n[case.loads.all]\nforce = [1.0]\n"
+    cases += "[[case]]\nname = 'warm'\n[case.elongations.members]\nstrain = 1e-3\n"
+    (tmp_path / "bar.toml").write_text(cases)
+    said = "--case wind: it has loads alone, and --drawn is without loads"
+    assert said in command("modes", tmp_path, "--drawn", "--case", "wind", code=2).stderr
+    command("modes", tmp_path, "--drawn", "--case", "warm")
+    assert "no [[case]] has the name 'cold'" in command("modes", tmp_path, "--drawn", "--case", "cold", code=2).stderr
 
 
 @slepc

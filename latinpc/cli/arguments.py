@@ -94,6 +94,19 @@ def insert_petsc_options(options):
     return [name for name in database.getAll() if name not in before and not name.startswith(OF_PETSC)]
 
 
+class Command(click.Command):
+    """A command that refuses an option given twice unless it may be repeated: the last one would win."""
+
+    def parse_args(self, ctx, args):
+        """Look at the order of what is given, then parse."""
+        order = self.make_parser(ctx).parse_args(list(args))[2]
+        once = [option for option in order if isinstance(option, click.Option) and not option.multiple]
+        twice = next((option for option in once if not option.is_flag and once.count(option) > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice.opts[0]} is given twice; keep one")
+        return super().parse_args(ctx, args)
+
+
 class List(click.ParamType):
     """A comma-separated list, such as 9,16,25.
 

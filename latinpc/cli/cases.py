@@ -18,16 +18,17 @@ from .arguments import PRESETS
 from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
-from .scenes import SceneCommand, open_scene, scene_options
+from .scenes import SceneCommand, file_options, open_scene
 
 
 @click.command("cases", cls=SceneCommand)
 @click.argument("scene", metavar="FILE")
-@scene_options
+@file_options
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--csv", "csv_file", metavar="FILE.csv", help="Write lowest and highest force of each link, slack cases.")
 @click.option("--reactions", metavar="FILE.csv", help="Write the reactions of each case, lowest and highest.")
 @click.option("--picture", metavar="FILE.png", help="Draw the envelope: greatest tension, greatest compression.")
+@click.option("--subdomains", type=int, metavar="N", help="Number of subdomains.")
 @click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.pass_obj

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import click
 import numpy as np
+from petsc4py import PETSc
 
 import latinpc
 from latinpc.files.text import finite
@@ -31,10 +32,8 @@ from .scenes import SceneCommand, open_scene, scene_options
 @click.option(
     "--error",
     type=float,
-    default=1e-8,
-    show_default=True,
     metavar="X",
-    help="Unbalanced forces with --natural, relative to the largest force.",
+    help="Unbalanced forces with --natural, relative to the largest force. Default: 1e-8.",
 )
 @click.option("--json", "json_file", metavar="FILE", help="Write the summary; '-' prints it and nothing else.")
 @click.option(
@@ -57,13 +56,16 @@ def form(
     quiet = quiet or alone
     files = [(None if alone else json_file, None), (picture, (".png", ".pdf", ".svg"))]
     files += [(path, (".vtu", ".npz", ".dxf")) for path in output] + [(path, (".csv",)) for path in csv or ()]
+    if error is not None and not natural:
+        raise ValueError("--error is for natural lengths: give --natural")
     scene, given = on_root(comm, _prepare, scene, densities, natural, without_load, files, options)
+    given |= {} if error is None else {"error": error}
     with progress(comm, quiet) as say, warnings.catch_warnings():
         warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
         if say is not None:
             say(f"{scene.name}: finding the form")
         try:
-            found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, error=error, name=scene.name, **given)
+            found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, name=scene.name, **given)
         except ValueError as wrong:
             raise ValueError(scene.counted_as_given(str(wrong))) from wrong
     found.numbering = scene.numbering
@@ -85,6 +87,9 @@ def _prepare(name, densities, natural, without_load, files, options):
             check_ezdxf(path)
     if not densities and not natural:
         raise ValueError("give force densities with --density, or --natural to keep natural lengths")
+    geometry = PETSc.Options().getString("snes_latin_geometry", "large")
+    if geometry.lower() != "large":
+        raise ValueError(f"-snes_latin_geometry {geometry}: forms are found with large displacements; leave it out")
     scene = open_scene(name, options, [path for path, _ in files])
     if scene.direction is not None:
         raise ValueError(f"{scene.name} has links with directions of their own: a form is of links along their nodes")
@@ -111,9 +116,18 @@ def _densities(scene, texts):
         if len(texts) > 1:
             raise ValueError("--density drawn stands alone")
         found = scene.stiffness * scene.initial_elongation / scene.lengths
-        if not found.any():
-            raise ValueError("--density drawn: no link has a prestress; give --prestress, or a number")
+        none = found == 0.0
+        if none.any():
+            count, laws = int(none.sum()), ", ".join(Law(law).name.lower() for law in np.unique(scene.law[none]))
+            said = "1 link has" if count == 1 else f"{count:,} links have"
+            raise ValueError(
+                f"--density drawn: {said} no prestress (law {laws}), the first is"
+                f" {scene.link_name(int(none.argmax()))}; give --prestress, or numbers in place of drawn"
+            )
         return found
+    twice = [text for text in texts if list(map(_kind, texts)).count(_kind(text)) > 1]
+    if twice:
+        raise ValueError(f"--density {twice[0]} and --density {twice[1]} are for the same links; keep one")
     found = np.full(len(scene.links), np.nan)
     known = _laws_and_groups(scene)
     for text in sorted(texts, key=lambda text: list(known).index(_kind(text)) if _kind(text) in known else 0):

@@ -20,6 +20,7 @@ from latinpc.options import preset_files
 from latinpc.runs.report import versions
 from latinpc.solvers import has_package
 
+from .arguments import Command
 from .printing import open_console, print_lines, write_json
 from .ranks import on_root
 
@@ -32,7 +33,7 @@ PACKAGES = {
 THREADS = ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.pass_obj
 def info(comm, json_file):

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 from latinpc.results.atomic import check_writable
 
-from .arguments import List
+from .arguments import Command, List
 from .printing import print_table, progress, write_json
 from .ranks import NOT_CONVERGED
 from .scenes import SceneCommand, open_scene, scene_options
@@ -140,7 +140,7 @@ def _random(comm, count, seed, family, json_file):
     return NOT_CONVERGED if bad else 0
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option("--group", "groups", multiple=True, metavar="NAME", help="Run this group only; may be repeated.")
 @click.option("--random", "count", type=click.IntRange(1), metavar="N", help="Solve N random structures instead.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random structures.")

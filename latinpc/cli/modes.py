@@ -49,6 +49,10 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
         raise ValueError("--mode is for animations: give --gif")
     mode = 1 if mode is None else mode
     files = {"json": None if alone else json_file, "output": output, "picture": picture, "gif": gif}
+    if buckling and node_mass is not None:
+        raise ValueError("--node-mass is for frequencies: leave out --buckling")
+    if drawn and not buckling:
+        on_root(comm, _refuse_loads, scene, options)
     scene = on_root(comm, _prepare, scene, node_mass, files, number, mode, options)
     with progress(comm, quiet) as say:
         if say is not None:
@@ -81,6 +85,16 @@ def _prepare(name, node_mass, files, number, mode, options):
     if node_mass is None:
         return scene
     return replace(scene, mass=np.full(len(scene.nodes), node_mass))
+
+
+def _refuse_loads(name, options):
+    """Refuse a load case of loads alone, which frequencies as drawn do not have; on one rank."""
+    if options["case"] is not None:
+        cases = {case.name: case.parts for case in open_scene(name, options | {"case": None}).cases}
+        if not any(part is not None for part in cases.get(options["case"], (None, True))[1:]):
+            raise ValueError(
+                f"--case {options['case']}: it has loads alone, and --drawn is without loads; leave one out"
+            )
 
 
 def _compute(scene, number, buckling, drawn, options):

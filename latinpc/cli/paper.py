@@ -9,12 +9,12 @@ import click
 from latinpc.results.atomic import check_writable
 from latinpc.results.summary import summary
 
-from .arguments import List
+from .arguments import Command, List
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("what", type=click.Choice(["3", "4", "5", "6", "7", "fig8", "fig9"]))
 @click.option(
     "--subdomains",

@@ -16,6 +16,7 @@ from latinpc.files.text import finite
 from latinpc.geometry import known_geometry
 from latinpc.scenes import SCENES, make
 
+from .arguments import Command
 from .printing import open_console
 
 #: Options of files: parameter of `latinpc.files.reading.read` -> option, what it takes, help. With more than one value
@@ -54,6 +55,16 @@ def parameters(generator):
     return found
 
 
+def file_options(command, of_scenes=None):
+    """Give a command the options of files; of those that scenes have too, with the help of these."""
+    for parameter, (option, metavar, text) in reversed(FILES.items()):
+        said = (of_scenes or {}).get(parameter, {})
+        more = "".join(f"; {text} [{', '.join(names)}]" for text, names in said.items())
+        how = {"type": SINGLE[parameter]} if parameter in SINGLE else {"multiple": True}
+        command = click.option(option, parameter, cls=FileOption, metavar=metavar, help=text + more, **how)(command)
+    return command
+
+
 def scene_options(command):
     """Give a command one option for each parameter of any scene and of files."""
     kinds, texts = {}, {}
@@ -63,11 +74,10 @@ def scene_options(command):
             said = texts.setdefault(parameter, {})
             text = text or next(iter(said), "")  # truss-grid refers to tensegrity-grid
             said.setdefault(text, []).append(name)
-    for parameter, (option, metavar, text) in reversed(FILES.items()):
-        more = "".join(f"; {said} [{', '.join(names)}]" for said, names in texts.pop(parameter, {}).items())
-        how = {"type": SINGLE[parameter]} if parameter in SINGLE else {"multiple": True}
-        command = click.option(option, parameter, cls=FileOption, metavar=metavar, help=text + more, **how)(command)
+    command = file_options(command, texts)
     for parameter, said in reversed(texts.items()):
+        if parameter in FILES:
+            continue
         kind = kinds[parameter]
         metavar = {int: "N", float: "X", bool: "BOOL", str: "NAME"}[kind]
         text = "; ".join(f"{text} [{', '.join(names)}]" for text, names in said.items())
@@ -84,7 +94,7 @@ class FileOption(click.Option):
     """An option of files; help lists it apart."""
 
 
-class SceneCommand(click.Command):
+class SceneCommand(Command):
     """A command on a scene: its help lists the options of files and of scenes last."""
 
     def format_options(self, ctx, formatter):
@@ -96,8 +106,9 @@ class SceneCommand(click.Command):
                 if (isinstance(option, kind) if kind else not isinstance(option, (FileOption, SceneOption)))
             ]
             records = [record for option in shown if (record := option.get_help_record(ctx)) is not None]
-            with formatter.section(title):
-                formatter.write_dl(records)
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
 
 
 def open_scene(name, options, written=(), read=()):
