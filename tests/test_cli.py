@@ -188,6 +188,7 @@ def test_not_converged_keeps_the_last_iterate(tmp_path):
     result = latinpc("solve", TOWER, "--subdomains", 4, *files, "-snes_max_it", 1, "-snes_stol", 1e-12, code=1)
     words = "the iterations that -snes_max_it allows were not enough"
     assert said(result)[-1] == f"latinpc: not converged: {words} (DIVERGED_MAX_IT)"
+    assert f"  not converged  {words}" in result.stdout
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["converged"] is False and report["reason"] == "DIVERGED_MAX_IT"
     assert np.abs(meshio.read(tmp_path / "r.vtu").point_data["displacement"]).max() > 0

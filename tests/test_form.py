@@ -16,7 +16,6 @@ from petsc4py import PETSc
 import latinpc
 
 
-
 # ---- structures -----------------------------------------------------------------------------------------
 def row(links=10, load=(0.0, 0.0, -2.0), **more):
     """Links from one support to another, ten metres away, with a force on each node."""

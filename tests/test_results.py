@@ -256,6 +256,10 @@ def test_without_convergence_it_warns_or_raises():
     assert caught[0].filename == __file__  # the line of the caller
     assert not found.converged and "DIVERGED_MAX_IT" in found.reason and found.iterations == 2
     assert "not converged" in str(found) and np.isfinite(found.displacements).all()
+    for error, shown in ((0.5, True), (1.5, False)):
+        found.report |= {"estimated_error": error, "tension_error": error}
+        assert (f"estimated error of the displacements {100 * error:.0f} %" in str(found)) == shown
+        assert (f"of the tensions {100 * error:.0f} %" in str(found)) == shown
     with pytest.raises(latinpc.SolveError, match="not converged") as error:
         structure.solve(options=options, raise_on_failure=True)
     assert np.array_equal(error.value.result.displacements, found.displacements)

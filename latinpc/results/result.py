@@ -296,8 +296,7 @@ class Result(Reported):
         return modes(self, number, buckling=buckling, load=load, options=options)
 
     def _lines(self) -> list[tuple[str, str]]:
-        ended = [] if self.converged else [("not converged", self.reason)]
-        return [*summary(self), *ended, *(("notice", text) for text in self.notices)]
+        return [*summary(self), *(("notice", text) for text in self.notices)]
 
     def __repr__(self) -> str:
         return "\n".join([self.structure.name, *(f"  {label:<15}{text}" for label, text in self._lines())])

@@ -32,6 +32,8 @@ def summary(result, verbose=False):
         )
     if result.converged:
         lines.append(("solve", f"converged in {counted(report['iterations'], 'iteration')}"))
+    else:
+        lines.append(("not converged", result.reason))
     if "load_path" in report:
         steps = [f"{factor:.4g}: {quantity(moved, 'm')}" for factor, moved in report["load_path"]]
         lines.append(
@@ -93,15 +95,20 @@ def _cost(cost):
 def _accuracy(result):
     """Return the estimated error, where there is one, and the unbalanced forces, relative to the loads and in N."""
     parts, report = [], result.report
-    if report["estimated_error"] is not None:
+    if _estimated(report, "estimated_error"):
         parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
-    if report.get("tension_error") is not None:
+    if _estimated(report, "tension_error"):
         parts.append(f"of the tensions {share(report['tension_error'])}")
     loads = np.linalg.norm(result.load[~result.structure.fixed])
     beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
     largest = report["largest_unbalance"]
     where = f" at node {result.structure.node_name(report['unbalanced_node'])}" if largest else ""
     return ", ".join([*parts, f"unbalanced forces{beside}, at most {quantity(largest, 'N')}{where}"])
+
+
+def _estimated(report, key):
+    """Return whether a relative error is an estimate: above 1 it says only that the solve is far from its result."""
+    return report.get(key) is not None and report[key] <= 1.0
 
 
 def _digits(lost):
