@@ -37,7 +37,7 @@ def test_reactions_of_each_case_and_their_envelope(tmp_path):
     assert high[[0, 2], 0].tolist() == ends.argmax(axis=0).tolist()
     found.to_csv(tmp_path / "e.csv", reactions=tmp_path / "r.csv")
     rows = list(csv.DictReader((tmp_path / "r.csv").open()))
-    columns = ["node", "x", "axis", "lowest", "lowest_case", "highest", "highest_case"]
+    columns = ["node", "x", "axis", "lowest (N)", "lowest_case", "highest (N)", "highest_case"]
     assert list(rows[0]) == [*columns, "load (N)", "sunk; deep (N)", "turnbuckle (N)"]
     assert [(row["node"], row["x"], row["axis"]) for row in rows] == [("0", "0.0", "x"), ("2", "3.0", "x")]
     assert [float(row["turnbuckle (N)"]) for row in rows] == ends[2].tolist()

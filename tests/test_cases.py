@@ -289,7 +289,7 @@ def test_envelopes_are_written_and_drawn(tmp_path):
     link = int(found.tensions.max(axis=0).argmax())
     number = int(found.tensions[:, link].argmax())
     assert rows[link]["highest_case"] == f"case {number}"
-    assert float(rows[link]["highest"]) == found.tensions[number, link]
+    assert float(rows[link]["highest (N)"]) == found.tensions[number, link]
     assert [int(row["slack"]) for row in rows] == found.slack.sum(axis=0).tolist()
     loose = int(found.slack.sum(axis=0).argmax())
     names = [f"case {number}" for number in np.flatnonzero(found.slack[:, loose])]

@@ -30,7 +30,7 @@ def rows(cases):
 
 
 def _slack(case):
-    """Return the number of slack links; a case that is refused has no tensions."""
+    """Return the number of slack links; a case without results has no tensions."""
     return "not known" if case["slack"] is None else f"{case['slack']:,}"
 
 
@@ -52,13 +52,28 @@ def extremes(cases):
             said = f"{name} m" if name.startswith("(") else f"{name}, {ends} m"  # a drawing has places for names
             where = f"in case {cases.names[case[link]]}: link {said}"
             lines.append((label, f"{quantity(forces[link], 'N')} {where}"))
-    lines += _reactions(cases)
+    lines += [*_reactions(cases), *_worst(cases)]
     often = cases.slack_cases()
     if np.isin(scene.law, UNILATERAL).any():
         worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
         listed = ", ".join(f"{scene.link_name(link)} ({often[link]})" for link in worst)
         most = f"; most often (cases): {listed}" if worst else ""
         lines.append(("slack", f"{counted(np.count_nonzero(often), 'link')} in some case{most}"))
+    return lines
+
+
+def _worst(cases):
+    """Return lines on the largest stress and utilisation of the cases that have converged, where they are known."""
+    lines, good = [], np.array([case["converged"] for case in cases.report["cases"]], dtype=bool)
+    for label, values in (("stress", cases.stress), ("utilisation", cases.utilisation)):
+        values = None if values is None else np.where(good[:, None], values, np.nan)
+        if values is None or np.isnan(values).all():
+            continue
+        case, link = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
+        largest, over = values[case, link], np.count_nonzero((values > 1.0).any(axis=0))
+        text = quantity(largest, "Pa") if label == "stress" else f"{100 * largest:.3g} %"
+        more = f"; above 100 % in {counted(over, 'link')}" if over and label == "utilisation" else ""
+        lines.append((label, f"largest {text} in case {cases.names[case]}: link {cases.scene.link_name(link)}{more}"))
     return lines
 
 
@@ -87,5 +102,5 @@ def text(cases):
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:-1], widths[1:-1]), row[-1]]).rstrip()
         for row in cells
     ]
-    lines = [title(cases), *aligned, *(f"{label:<11}{said}" for label, said in extremes(cases))]
-    return "\n".join([*lines, *(f"notice     {notice}" for notice in cases.notices)])
+    lines = [title(cases), *aligned, *(f"{label:<13}{said}" for label, said in extremes(cases))]
+    return "\n".join([*lines, *(f"notice       {notice}" for notice in cases.notices)])

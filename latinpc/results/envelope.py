@@ -21,24 +21,31 @@ from .drawing import (
     symbol_keys,
 )
 from .look import DASHES, IDLE_COLOUR, MANY_LINKS, SLACK_COLOUR, Scale, widths_of
+from .mechanics import stresses, utilisations
 from .pictures import drawn_links
 from .symbols import supports
 from .tables import AXES, link_columns, node_columns, table, write_csv
 from .units import counted
 
-COLUMNS = ("link", "start", "end", "law", "lowest", "lowest_case", "highest", "highest_case", "slack", "slack_cases")
+COLUMNS = (
+    "link", "start", "end", "law", "lowest (N)", "lowest_case", "highest (N)", "highest_case", "slack", "slack_cases",
+)  # fmt: skip
+WORST = "stress (Pa)", "utilisation", "worst_case"  # where there are areas and strengths
 
 
-def write_envelope(path, cases):
-    """Write a row for each link: nodes, law, extreme forces (N) and their cases, cases in which it is slack.
+def envelope_table(cases):
+    """Return a row for each link: nodes, law, extreme forces (N) and their cases, cases in which it is slack.
 
-    Not collective: call it on one rank. Links and nodes are counted from 0.
+    Of structures with areas and strengths also the stress (Pa) and the utilisation of the case in which they are
+    largest. Links and nodes are counted from 0.
 
     Parameters
     ----------
-    path : str or path-like
-        A ``.csv`` file; it is replaced only once it is completely written.
-    cases : latinpc.runs.cases.Cases
+    cases : latinpc.Cases
+
+    Returns
+    -------
+    structured array
     """
     scene, names = cases.scene, np.array([*cases.names, ""], dtype=object)  # -1: no case has converged
     lowest, highest, low, high = cases.envelope()
@@ -48,27 +55,43 @@ def write_envelope(path, cases):
         np.arange(len(scene.links)), *scene.links.T, scene.laws, lowest, names[low], highest,
         names[high], slack.sum(axis=0), loose,
     )  # fmt: skip
-    write_csv(path, table(dict(zip(COLUMNS, columns)) | link_columns(scene)))
+    push = -lowest > highest
+    worst = (function(scene, np.where(push, lowest, highest)) for function in (stresses, utilisations))
+    more = dict(zip(WORST, (*worst, np.where(push, names[low], names[high]))))
+    more = {name: values for name, values in more.items() if scene.area is not None and values is not None}
+    return table(dict(zip(COLUMNS, columns)) | more | link_columns(scene))
 
 
-def write_reactions(path, cases):
-    """Write a row for each component of each reaction: node, place (m), axis, extremes (N) and their cases, each case.
+def write_envelope(path, cases):
+    """Write `envelope_table` into a ``.csv`` file, replaced only once it is complete; call it on one rank."""
+    write_csv(path, envelope_table(cases))
 
-    Not collective: call it on one rank. Nodes are counted from 0, besides the names that a file has given them.
+
+def reactions_table(cases):
+    """Return a row for each component of each reaction: node, place (m), axis, extremes (N) and their cases, each case.
+
+    Nodes are counted from 0, besides the names that a file has given them.
 
     Parameters
     ----------
-    path : str or path-like
-        A ``.csv`` file; it is replaced only once it is completely written.
-    cases : latinpc.runs.cases.Cases
+    cases : latinpc.Cases
+
+    Returns
+    -------
+    structured array
     """
     scene, names = cases.scene, np.array([*cases.names, ""], dtype=object)
     node, axis = np.nonzero(scene.fixed)
     lowest, highest, low, high = (values[node, axis] for values in cases.reaction_envelope())
     columns = {"node": node, **dict(zip(AXES, scene.nodes[node].T)), "axis": np.array(list(AXES))[axis]}
-    columns |= {"lowest": lowest, "lowest_case": names[low], "highest": highest, "highest_case": names[high]}
+    columns |= {"lowest (N)": lowest, "lowest_case": names[low], "highest (N)": highest, "highest_case": names[high]}
     columns |= {f"{name} (N)": forces[node, axis] for name, forces in zip(cases.names, cases.reactions)}
-    write_csv(path, table(columns | node_columns(scene, node)))
+    return table(columns | node_columns(scene, node))
+
+
+def write_reactions(path, cases):
+    """Write `reactions_table` into a ``.csv`` file, replaced only once it is complete; call it on one rank."""
+    write_csv(path, reactions_table(cases))
 
 
 def draw_envelope(cases, path):
@@ -84,7 +107,7 @@ def envelope_figure(cases):
 
     Parameters
     ----------
-    cases : latinpc.runs.cases.Cases
+    cases : latinpc.Cases
 
     Returns
     -------

@@ -131,7 +131,23 @@ def reactions(scene, tensions, load=None):
 
 def largest_unbalance(scene, tensions, load=None):
     """Return the largest unbalanced force on a node, |B^t tau - F| at the free components, equation (1), in N."""
-    return float(np.linalg.norm(np.where(scene.fixed, 0.0, _left(scene, tensions, load)), axis=1).max(initial=0.0))
+    return float(np.linalg.norm(unbalanced(scene, tensions, load), axis=1).max(initial=0.0))
+
+
+def unbalanced(scene, tensions, load=None):
+    """Return the unbalanced forces B^t tau - F on the nodes, (n, dim) in N, zero where they are fixed, equation (1)."""
+    return np.where(scene.fixed, 0.0, _left(scene, tensions, load))
+
+
+def stresses(scene, tensions):
+    """Return tension over area (Pa) of tensions (..., m), NaN without one; None where there are no areas."""
+    return None if scene.area is None else tensions / scene.area
+
+
+def utilisations(scene, tensions):
+    """Return the size of the stress over the strength, as `stresses`; None where there are no strengths."""
+    stress = stresses(scene, tensions)
+    return None if stress is None or scene.strength is None else np.abs(stress) / scene.strength
 
 
 def _left(scene, tensions, load):

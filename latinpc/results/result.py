@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import tables
-from .mechanics import Balance, Leaning, Turned, balance, gaps, reactions, slack
+from .mechanics import Balance, Leaning, Turned, balance, gaps, reactions, slack, stresses, utilisations
 from .report import Reported, plain
 from .summary import summary
 
@@ -107,13 +107,12 @@ class Result(Reported):
     @cached_property
     def stress(self) -> np.ndarray | None:
         """(m,) array: tension over area (Pa), NaN without one; None where the structure has no areas."""
-        return None if self.structure.area is None else self.tensions / self.structure.area
+        return stresses(self.structure, self.tensions)
 
     @cached_property
     def utilisation(self) -> np.ndarray | None:
         """(m,) array: size of the stress over the strength, NaN without; None where the structure has no strengths."""
-        stress, strength = self.stress, self.structure.strength
-        return None if stress is None or strength is None else np.abs(stress) / strength
+        return utilisations(self.structure, self.tensions)
 
     @property
     def members(self) -> np.ndarray:

@@ -99,6 +99,8 @@ def _accuracy(result):
         parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
     if _estimated(report, "tension_error"):
         parts.append(f"of the tensions {share(report['tension_error'])}")
+    if report["residual_norm"] is None:
+        return ", ".join([*parts, "unbalanced forces not known"])
     loads = np.linalg.norm(result.load[~result.structure.fixed])
     beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
     largest = report["largest_unbalance"]
@@ -122,7 +124,7 @@ def _digits(lost):
 def _mechanics(scene, result):
     size = np.linalg.norm(result.displacements, axis=1)
     if not (np.isfinite(size).all() and np.isfinite(result.tensions).all()):
-        return [("displacement", "the last iterate is not finite")]
+        return [("displacement", "not known: no iterate is finite, or none is kept")]
     node = int(size.argmax())
     lines = [
         (

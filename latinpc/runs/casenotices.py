@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from latinpc.results.loose import loose
-from latinpc.results.notices import changed, magnitudes, turned
+from latinpc.results.notices import changed, magnitudes, overstretched, turned
 from latinpc.results.result import Result
 
 if TYPE_CHECKING:
-    from .cases import Cases
+    from .solvedcases import Cases
 
-__all__ = ["free", "too_far"]
+__all__ = ["free", "stretched", "too_far"]
 
 NAMED = 8  # cases in a sentence
 
@@ -36,10 +36,23 @@ def too_far(cases: Cases) -> list[str]:
 
 def free(cases: Cases) -> list[str]:
     """Return what a solve by itself says of nodes that slack or yielding links leave free, once for alike cases."""
+    return _grouped({cases.names[number]: loose(_alone(cases, number)) for number in _converged(cases)})
+
+
+def stretched(cases: Cases) -> list[str]:
+    """Return what a solve by itself says of links that a case makes shorter than nothing, once for alike cases."""
+    changed = [case for case in cases.actions if case.initial_elongation is not None]
+    always = overstretched(cases.scene)
+    found = {case.name: overstretched(case.applied(cases.scene)) for case in changed}
+    return _grouped({name: [notice for notice in said if notice not in always] for name, said in found.items()})
+
+
+def _grouped(found):
+    """Return the sentences on cases, by name, each once with the cases that it is of."""
     said = {}
-    for number in _converged(cases):
-        for notice in loose(_alone(cases, number)):
-            said.setdefault(notice, []).append(cases.names[number])
+    for name, notices in found.items():
+        for notice in notices:
+            said.setdefault(notice, []).append(name)
     return [f"case{'s' if len(names) > 1 else ''} {_some(names)}: {notice}" for notice, names in said.items()]
 
 

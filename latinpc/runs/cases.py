@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -19,9 +17,8 @@ from latinpc.errors import LatinError, error_message
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
-from latinpc.results.caselist import text
 from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
-from latinpc.results.mechanics import Leaning, Turned, reactions, slack
+from latinpc.results.mechanics import slack, stresses, utilisations
 from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
@@ -30,11 +27,9 @@ from latinpc.scenes.case import PARTS, Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
-from .casenotices import free, too_far
+from .casenotices import free, stretched, too_far
 from .report import environment
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .solvedcases import Cases
 
 #: Cases of a rank that are solved side by side. Two take as long as one after the other on 48 x 48 modules of the grid,
 #: a third to nine tenths of that on five other structures; one takes up to 1.6 times as long.
@@ -47,127 +42,6 @@ AS_PRESTRESS = (
     " as drawn: take -snes_latin_geometry large"
 )
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
-
-
-@dataclass(repr=False)
-class Cases:
-    """Solved load cases; the same on every rank. Cases that have not converged are in no envelope.
-
-    ``print(cases)`` gives a table and the extremes.
-    """
-
-    scene: Scene  #: what acted in every case
-    names: list[str]
-    report: dict[str, Any]  #: JSON-able, with the keys that `solve_cases` lists
-    displacements: np.ndarray  #: (cases, n, dim), m
-    tensions: np.ndarray  #: (cases, m), N
-    slack: np.ndarray  #: (cases, m), of bool: links that bear nothing
-    notices: list[str]  #: sentences the user should read
-    actions: list[Case]  #: what was solved
-    geometry: str  #: how displacements turned links
-
-    @property
-    def converged(self) -> bool:
-        """Whether all cases have converged."""
-        return bool(self._good.all())
-
-    @property
-    def _good(self) -> np.ndarray:
-        return np.array([case["converged"] for case in self.report["cases"]], dtype=bool)
-
-    def __repr__(self) -> str:
-        return text(self)
-
-    def plot(self) -> Figure:
-        """Draw the envelope, the greatest tension and the greatest compression of each link, on one scale.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Which notebooks show; ``figure.savefig("envelope.png")`` writes it.
-        """
-        from latinpc.results.envelope import envelope_figure
-
-        return envelope_figure(self)
-
-    def to_csv(self, path: str | pathlib.Path, reactions: str | pathlib.Path | None = None) -> None:
-        """Write a row for each link: extreme forces (N), their cases, where it is slack; call it on one rank.
-
-        Into another file, if its name is given, a row for each component of each reaction: the extremes (N), their
-        cases, and its value in each case.
-        """
-        from latinpc.results.envelope import write_envelope, write_reactions
-
-        write_envelope(path, self)
-        if reactions is not None:
-            write_reactions(reactions, self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report with the reactions at the supported nodes, fit for JSON."""
-        held = np.flatnonzero(self.scene.fixed.any(axis=1))
-        lowest, highest, *_ = self.reaction_envelope()
-        forces = {"lowest": lowest[held], "highest": highest[held], "cases": self.reactions[:, held]}
-        return self.report | plain({"reactions": {"nodes": held, **forces}})
-
-    @cached_property
-    def reactions(self) -> np.ndarray:
-        """(cases, n, dim) array: forces of the supports on the structure (N), zero where nothing is fixed."""
-        found = np.zeros_like(self.displacements)
-        for number, case in enumerate(self.actions):
-            load = self.scene.load if case.load is None else self.scene.load + case.load
-            borne = self.report["cases"][number].get("load_factor", 1.0)  # 1 where it has converged
-            found[number] = reactions(self._shape(number), self.tensions[number], borne * load)
-        return found
-
-    def _shape(self, number):
-        """Return what forces balance on in a case: the structure as drawn, or where links turn as displaced."""
-        if self.geometry == "linear":
-            return self.scene
-        applied = self.actions[number].applied(self.scene)
-        return (Turned if self.geometry == "large" else Leaning)(applied, self.displacements[number])
-
-    def envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the lowest and the highest force of each link, and the cases that give them.
-
-        Returns
-        -------
-        lowest, highest : (m,) array of float
-            In N, compression negative; NaN where no case has converged.
-        lowest_case, highest_case : (m,) array of int
-            Numbers of cases, from 0; -1 where none has converged.
-        """
-        return self._extremes(self.tensions)
-
-    def reaction_envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the lowest and the highest value of each component of each reaction, and the cases that give them.
-
-        Returns
-        -------
-        lowest, highest : (n, dim) array of float
-            In N, zero where nothing is fixed; NaN where no case has converged.
-        lowest_case, highest_case : (n, dim) array of int
-            Numbers of cases, from 0; -1 where none has converged.
-        """
-        return self._extremes(self.reactions)
-
-    def _extremes(self, values):
-        """Return the lowest and the highest of values (cases, ...) over the cases that have converged, and which."""
-        good = np.flatnonzero(self._good)
-        if not good.size:
-            none, nowhere = np.full(values.shape[1:], np.nan), np.full(values.shape[1:], -1)
-            return none, none, nowhere, nowhere
-        lowest, highest = values[good[0]].copy(), values[good[0]].copy()
-        low, high = np.full(lowest.shape, good[0]), np.full(lowest.shape, good[0])
-        for number in good[1:]:  # a case at a time stays in cache
-            one = values[number]
-            for extreme, case, beyond in ((lowest, low, one < lowest), (highest, high, one > highest)):
-                np.copyto(extreme, one, where=beyond)
-                np.copyto(case, number, where=beyond)
-        return lowest, highest, low, high
-
-    def slack_cases(self) -> np.ndarray:
-        """Return for each link the number of cases in which it bears nothing, (m,) of int."""
-        return (self.slack & self._good[:, None]).sum(axis=0)
 
 
 def solve_cases(
@@ -201,8 +75,9 @@ def solve_cases(
     Cases
         Its report has the keys of a solve on scene, size and environment; solver, seconds (of set-up and solves), and
         cases, a list of dicts with name, iterations, together (solved side by side), converged, reason, displacement
-        (the largest, m), lowest and highest (force, N), slack (links); of large displacements also load_factor, the
-        part of the loads that the displacements bear.
+        (the largest, m), lowest and highest (force, N), slack (links); of structures with areas largest_stress (Pa),
+        with strengths largest_utilisation; of large displacements also load_factor, the part of the loads that the
+        displacements bear.
 
     Warns
     -----
@@ -215,8 +90,8 @@ def solve_cases(
     ------
     ValueError, LatinError
         On every rank, where the library refuses all cases. A case that does not converge is no error, nor is one that
-        is refused beside others: its reason is ``REFUSED``, a notice that begins with its name says why, and its
-        displacements and tensions are NaN.
+        is refused beside others: its reason is ``REFUSED``, and a notice that begins with its name says why. Neither
+        has results: displacements, tensions and reactions are NaN, unless they are those of a part of the loads.
 
     Notes
     -----
@@ -268,7 +143,7 @@ def solve_cases(
     found = series.displacements, series.tensions, series.slack
     kept = replace(scene, **{name: getattr(scene, name).copy() for name in PARTS}), [replace(case) for case in cases]
     result = Cases(kept[0], names, plain(report), *found, notices, kept[1], structure.geometry)
-    notices += too_far(result) + free(result)
+    notices += stretched(result) + too_far(result) + free(result)
     for notice in notices:
         warn(structure.comm, notice)
     if not result.converged:
@@ -365,7 +240,9 @@ class _Series:
                 start.keep(u)
             factor = borne(snes, structure)
             with bearing(snes, structure, factor):
-                self.displacements[number], self.tensions[number] = structure.displacements(u), solvers.tensions(snes)
+                found = structure.displacements(u), solvers.tensions(snes)
+            known = converged or factor is not None  # iterates are no results, the end of a path is one
+            self.displacements[number], self.tensions[number] = found if known else (np.nan, np.nan)
             linear = snes.getType() == "ksponly"
             iterations = snes.getLinearSolveIterations() if linear else snes.getIterationNumber()
             self.found[number] = iterations, False, converged, snes_reason(snes), factor
@@ -411,10 +288,17 @@ class _Series:
                 "displacement": np.sqrt(np.einsum("ij,ij->i", moved, moved).max()),
                 "lowest": tensions.min(),
                 "highest": tensions.max(),
-                "slack": None if reason == "REFUSED" else np.count_nonzero(self.slack[number]),
+                "slack": None if np.isnan(tensions).any() else np.count_nonzero(self.slack[number]),
+                **self._largest(tensions),
                 **({} if factor is None else {"load_factor": factor}),
             })  # fmt: skip
         return rows
+
+    def _largest(self, tensions):
+        """Return the largest stress and utilisation of a case, where areas and strengths are known."""
+        found = {"stress": stresses(self.scene, tensions), "utilisation": utilisations(self.scene, tensions)}
+        sizes = {name: np.abs(values) for name, values in found.items() if values is not None}
+        return {f"largest_{name}": np.fmax.reduce(values) for name, values in sizes.items()}
 
 
 class _Start:

@@ -10,6 +10,7 @@ import numpy as np
 
 from latinpc.arrays import real
 from latinpc.checks import Checks, checked_name
+from latinpc.results.units import counted
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 PARTS = "load", "prescribed", "initial_elongation"
 
 
-@dataclass
+@dataclass(repr=False)
 class Case:
     """Actions on a scene, which add to those of the scene itself; ``1.35 * dead + 1.5 * snow`` combines cases.
 
@@ -64,6 +65,16 @@ class Case:
             return NotImplemented
         sums = (a if b is None else b if a is None else a + b for a, b in zip(self.parts, other.parts))
         return Case(f"{self.name} + {other.name}", *sums)
+
+    def __repr__(self) -> str:
+        acts = []
+        for what, noun, part in zip(
+            ("loads on", "settlements of", "elongations of"), ("node", "node", "link"), self.parts
+        ):
+            if part is not None:
+                rows = np.atleast_1d(part)
+                acts.append(f"{what} {counted(np.count_nonzero(rows.reshape(len(rows), -1).any(axis=1)), noun)}")
+        return f"Case({self.name!r}: {', '.join(acts) or 'nothing acts'})"
 
     @property
     def parts(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
