@@ -19,7 +19,7 @@ from latinpc.checks import ARRAYS, COPIED, INSTEAD, Checks, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.library import _latin
-from latinpc.results.notices import coincident, duplicates, unlinked_as_value
+from latinpc.results.notices import coincident, duplicates, errors_as_given, unlinked_as_value
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
@@ -203,7 +203,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         given["law"] = registered(scene)
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
-        structure._make(given, comm, scene.geometry)
+        with errors_as_given(structure):
+            structure._make(given, comm, scene.geometry)
         structure.notices = structure._doubles() if "file" in scene.metadata else []  # generators mean what they do
         return structure
 

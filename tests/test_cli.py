@@ -248,6 +248,8 @@ BAD = [
     (["info", "--json", "a", "--json", "a"], "--json is given twice; keep one"),
     (["form", TOWER, "--picture", "a.png", "--picture", "b.png"], "--picture is given twice; keep one"),
     (["paper", "4", "--outer", "anderson", "--outer", "richardson"], "--outer is given twice; keep one"),
+    (["modes", TOWER, "--node-mass", "-5"], "--node-mass -5: a mass is a finite number of kg, not negative"),
+    (["solve", TOWER, "--num-steps", "1", "--node-mass", "inf"], "--node-mass inf: a mass is a finite number"),
     (["modes", TOWER, "--mode", "2"], "--mode is for animations: give --gif"),
     (["solve", TOWER, "--json", "nowhere/r.json"], "the folder nowhere does not exist"),
     (["solve", TOWER, "-options_file", "nowhere.opts"], "no such file"),

@@ -51,6 +51,7 @@ def test_command_of_natural_lengths_on_ranks(tmp_path, mpirun):
     (("--density", "bar=4"), "with one of the drawing (cable, edges, net)"),
     (("--density", "edges=4"), "links of the law cable have none; give cable=X"),
     (("--density", "drawn", "--density", "3"), "--density drawn stands alone"),
+    (("--density", "-5"), "links 1-2 (-5.), 1-3 (-5.), "),
     (("--density", "0"), "all force densities are zero"),
     (("--density", "5", "--density", "6"), "--density 5 and --density 6 are for the same links"),
     (("--density", "net=1", "--density", "edges=3", "--density", "net=2"), "--density net=1 and --density net=2"),

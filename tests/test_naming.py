@@ -2,6 +2,7 @@
 
 import csv
 import re
+from dataclasses import replace
 
 import matplotlib.text
 import numpy as np
@@ -142,6 +143,11 @@ def test_tables_have_both(tmp_path):
     assert [(row["name"], row["axis"]) for row in rows[:2]] == [("A", "x"), ("A", "y")]
 
 
+def test_the_folder_here_is_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tables(tmp_path, 1e3))
+    assert latinpc.read(".").name == latinpc.read(tmp_path).name == tmp_path.name
+
+
 def test_a_structure_of_ones_own_counts_from_0():
     scene = latinpc.scenes.make("net", side=2)
     assert scene.node_name(3) == "3" and scene.link_name(4) == "4" and scene.numbering is None
@@ -156,9 +162,18 @@ def test_errors_of_the_library_are_translated(tmp_path):
         ("nodes 0 and 3 fall together", "nodes A and D fall together"),
         ("nodes 2, 3 and 5 more are not", "nodes C, D and 5 more are not"),
         ("3 subdomains share node 1: the", "3 subdomains share node B: the"),
-        ("links 1 ([3. 4.]), 2 ([3. 4.]) have", "links 1 ([3. 4.]), 2 ([3. 4.]) have"),
+        ("links 1 ([3. 4.]), 2 ([3. 4.]) have", "links stay ([3. 4.]), mast ([3. 4.]) have"),
+        ("links 0 (-500.), 1 (-5e2) and 2 more have", "links tie (-500.), stay (-5e2) and 2 more have"),
     ):
         assert scene.counted_as_given(said) == expected
+
+
+def test_links_that_large_displacements_refuse_are_named(tmp_path):
+    path = tables(tmp_path, 1e3)
+    scene = replace(latinpc.read(path), initial_elongation=[0.0, 99.0, 0.0], geometry="large")
+    for attempt in (scene.solve, lambda: latinpc.solve_cases(scene, [latinpc.Case("a")])):
+        with pytest.raises(latinpc.SolveError, match="^Link stay, of length .*, has the initial elongation 99"):
+            attempt()
 
 
 def msh_nodes(version, binary):

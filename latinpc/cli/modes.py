@@ -17,7 +17,7 @@ from latinpc.runs.solve import solve
 from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
-from .scenes import SceneCommand, open_scene, scene_options
+from .scenes import SceneCommand, check_node_mass, open_scene, scene_options
 
 
 @click.command("modes", cls=SceneCommand)
@@ -84,6 +84,7 @@ def _prepare(name, node_mass, files, number, mode, options):
     scene = open_scene(name, options, files.values())
     if node_mass is None:
         return scene
+    check_node_mass(node_mass)
     return replace(scene, mass=np.full(len(scene.nodes), node_mass))
 
 

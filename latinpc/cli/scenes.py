@@ -127,6 +127,12 @@ def open_scene(name, options, written=(), read=()):
     return scene if geometry == scene.geometry else replace(scene, geometry=geometry)
 
 
+def check_node_mass(mass):
+    """Refuse a mass of all nodes that is none."""
+    if not 0.0 <= mass < float("inf"):
+        raise ValueError(f"--node-mass {mass:g}: a mass is a finite number of kg, not negative")
+
+
 def _is_file(name):
     return name not in SCENES and (os.path.exists(name) or os.path.splitext(name)[1])
 

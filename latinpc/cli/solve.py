@@ -26,7 +26,7 @@ from .arguments import PRESETS
 from .mechanism import mechanism_explained
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
-from .scenes import SceneCommand, open_scene, scene_options
+from .scenes import SceneCommand, check_node_mass, open_scene, scene_options
 
 #: Options of a run, not of the scene
 RUN = (
@@ -118,6 +118,8 @@ def _check(
     ):  # fmt: skip
         if value is not None and num_steps is None:
             raise ValueError(f"--{name} is for a motion: give the number of steps with --num-steps")
+    if node_mass is not None:
+        check_node_mass(node_mass)
     if num_steps is not None:
         if reference:
             raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")

@@ -169,7 +169,7 @@ def read(
     FileNotFoundError, ValueError
         With the file, its line or its table, and what was expected.
     """
-    path = pathlib.Path(path)
+    path = _named(path)
     lines = _reader(path)(path).in_metres(scale).merged(merge)
     if rise is not None:
         lines = lines.raised(rise)
@@ -189,9 +189,15 @@ def read(
 
 def sources(path: str | os.PathLike) -> list[pathlib.Path]:
     """Return the files that `read` reads of a structure: its own, both tables, the TOML file where there is one."""
-    path = pathlib.Path(path)
+    path = _named(path)
     beside = [file for file in (_beside(path),) if file.is_file()]
     return (pair(path) if path.is_dir() or path.suffix.lower() == ".csv" else [path]) + beside
+
+
+def _named(path):
+    """Return a path that ends with a name, which ``.`` does not."""
+    path = pathlib.Path(path)
+    return path.resolve() if path.name in ("", "..") else path
 
 
 def _reader(path):
