@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import pathlib
+import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -96,6 +97,8 @@ def given_options(options: Mapping[str, Any] | None) -> dict[str, Any]:
     if options is not None and not isinstance(options, Mapping):
         raise TypeError(f"options must be a dictionary of names and values, not {type(options).__name__}")
     given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
+    shows = [name for name, value in given.items() if value is True and re.search("monitor|view|reason", name)]
+    given |= dict.fromkeys(shows)  # PETSc would take "true" for the name of a viewer
     misspelt = unknown_options(given)
     if misspelt:
         raise ValueError("; ".join(misspelt))

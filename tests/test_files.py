@@ -254,7 +254,7 @@ BAD = [
     (CABLE, 'law = "table"\ntable = [[0, 0], [1, -1]]', ["tensions must not decrease"]),
     ("[laws.bars]", "[laws.beams]", ["laws.beams", "do you mean 'bars'", "frame.toml"]),
     ("[laws.cable]", "[law.cable]", ["unknown key 'law'", "do you mean 'laws'"]),
-    ("EA = 100.0", "AE = 100.0", ["laws.bars", "unknown key 'AE'", "do you mean 'EA'"]),
+    ("EA = 100.0", "AE = 100.0", ["laws.bars", "unknown key 'AE'", "known: EA, area"]),
     ("EA = 100.0", "EA = -1.0", ["laws.bars", "EA must be positive"]),
     ("EA = 100.0", "EA = nan", ["EA must be a finite number"]),
     ("EA = 100.0", "EA = 1" + "0" * 400, ["EA must be a finite number"]),

@@ -111,6 +111,10 @@ OPTIONS = [
     ({"support": ()}, ["bars.obj", "nothing is held", "--support", "bars.toml"]),
     ({"load": "down=3"}, ["--load down=3", "write z=-1000"]),
     ({"load": ["y=3", "y=3"]}, ["--load y=3: given twice"]),
+    ({"load": [0, 0, -1]}, ["load must be a text such as 'z=-1000:deck'", "not [0, 0, -1]"]),
+    ({"support": 3}, ["support must be a text such as 'z=min', or a list of such, not 3"]),
+    ({"scale": "mm"}, ["scale must be a finite number, not 'mm'"]),
+    ({"self_weight": {"X": 1}}, ["--self-weight X=1: no group of lines is 'X'"]),
     ({"load": "z=3"}, ["--load z=3", "there is no z", "write dim = 3 in bars.toml"]),
     ({"EA": {"wires": 1.0}}, ["no group of lines is 'wires'"]),
     ({"EA": {"ropes": -1.0}}, ["'ropes'", "EA must be positive"]),
@@ -119,7 +123,7 @@ OPTIONS = [
     ({"self_weight": True}, ["--self-weight must be a finite number, not True"]),
     ({"EA": True}, ["EA must be a finite number, not True"]),
     ({"scale": 0.0}, ["--scale 0", "must be positive"]),
-    ({"merge": 1.0}, ["--merge 1", "twentieth of the extent, 8 m"]),
+    ({"merge": 1.0}, ["--merge 1: it must be between 0 and 0.4 m"]),
     ({"brace": -1.0}, ["--brace -1", "must be positive"]),
     ({"description": "other.toml"}, ["other.toml: no such file"]),
 ]
@@ -179,8 +183,53 @@ def test_a_dimension_that_drops_loads_is_refused(tmp_path):
     path, _ = written(tmp_path, "csv")
     path.write_text(path.read_text().replace("Fy", "Fz"))
     (tmp_path / "bars.toml").write_text("dim = 2\n")
-    with pytest.raises(ValueError, match="dim = 2, but a node has a load or a displacement along z"):
+    with pytest.raises(ValueError, match=r"dim = 2, but a node has a load or a .* along z in bars-nodes\.csv"):
         latinpc.read(path)
+
+
+def test_blanks_around_the_place_of_supports_and_loads(tmp_path):
+    path, options = written(tmp_path, "obj")
+    scene = latinpc.read(path, **options | {"support": " x=min : y ", "load": "y=-1 : x=max "})
+    assert scene.fixed.sum(axis=0).tolist() == [0, 1] and np.count_nonzero(scene.load) == 1
+
+
+def test_toml_files_move_supports_of_tables(tmp_path):
+    """Which hold them at no displacement, or at one of their own."""
+    path, _ = written(tmp_path, "csv")
+    toml = tmp_path / "bars.toml"
+    toml.write_text('[supports.left]\nwhere = "x=min"\ndisplacement = [0.0, -0.01]\n')
+    assert latinpc.read(path).prescribed.tolist() == [[0.0, -0.01], [0.0, 0.0], [0.0, 0.0]]
+    toml.write_text(toml.read_text() + '[supports.again]\nwhere = "x=min"\ndisplacement = [0.0, -0.02]\n')
+    with pytest.raises(ValueError, match=r"\[supports.again\]: a node has another displacement along y already"):
+        latinpc.read(path)
+    toml.write_text(toml.read_text().partition("[supports.again]")[0])
+    path.write_text("node,x,y,fix,uy\nleft,0,3,xy,1\nright,8,3,xy,\nmiddle,4,0,,\n")
+    with pytest.raises(ValueError, match=r"\[supports.left\]: a node has another displacement along y already"):
+        latinpc.read(path)
+
+
+@pytest.mark.parametrize(("toml", "words"), [
+    ('[loads.w]\nlines = "zzz"\nline = [0.0, 1.0]\n', ["[loads.w]: no group of lines is 'zzz'", "known: members"]),
+    ('[loads.w]\nwhere = "x=min"\nline = [0.0, 1.0]\n', ["[loads.w]: where is for nodes; name lines by lines"]),
+    ('[[case]]\n[case.supports.a]\nfix = "x"\n', ["unknown key 'supports'; known: combine"]),
+    ("scale = 0.1\n", ["unknown key 'scale'; known: case"]),
+])  # fmt: skip
+def test_wrong_keys_are_named_without_far_guesses(toml, words, tmp_path):
+    path, _ = written(tmp_path, "csv")
+    (tmp_path / "bars.toml").write_text(toml)
+    with pytest.raises(ValueError) as caught:
+        latinpc.read(path)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_a_table_is_given_in_the_toml_file(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    members = tmp_path / "bars-members.csv"
+    members.write_text("start,end,law,group\nleft,middle,table,ropes\nmiddle,right,table,ropes\n")
+    with pytest.raises(ValueError, match=r"line 2: table must be a list .*; it is missing, give it in \[laws.GROUP\]"):
+        latinpc.read(path)
+    (tmp_path / "bars.toml").write_text("[laws.ropes]\ntable = [[0.0, 0.0], [0.1, 5e3]]\n")
+    assert len(latinpc.read(path).tables) >= 1
 
 
 def test_merged_nodes_have_one_displacement(tmp_path):

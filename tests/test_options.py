@@ -10,6 +10,7 @@ import pytest
 from conftest import ROOT, run
 
 from latinpc import options
+from latinpc.scenes import make
 
 README = (ROOT / "README.md").read_text()
 SOLVING = (ROOT / "docs" / "solving.md").read_text()
@@ -215,3 +216,9 @@ def test_equation_map_names_functions_of_the_file():
 def test_steps_start_warm():
     printed = run([*COMMAND, "impact-tower", "--levels", "2", "--num-steps", "1", "-help"]).stdout
     assert re.search("-snes_latin_warm_start:? <(now )?extrapolate", printed)
+
+
+def test_flags_of_petsc_are_true_in_python(capfd):
+    """A value "true" would be the name of a viewer."""
+    found = make("tensegrity-grid", modules=4).solve(options={"snes_monitor": True, "snes_view": True})
+    assert found.converged and "SNES Function norm" in capfd.readouterr().out

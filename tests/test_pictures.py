@@ -95,6 +95,8 @@ def test_rounding_is_not_made_visible():
     assert pictures.amplification_of(nodes, 2e-6) == pytest.approx(1e5)
     with pytest.raises(ValueError, match="a finite number, not inf"):
         pictures.amplification_of(nodes, 2e-6, np.inf)
+    with pytest.raises(ValueError, match="a finite number, not 'x'"):
+        pictures.amplification_of(nodes, 2e-6, "x")
 
 
 def test_scales():

@@ -219,3 +219,15 @@ def test_scene_refuses(change, message):
     assert Scene(name="two nodes", **arrays).dim == 2
     with pytest.raises(ValueError, match=message):
         Scene(name="two nodes", **(arrays | change))
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    ({"side": "3"}, "scene 'net': side must be a whole number, not '3'"),
+    ({"side": None}, "side must be a whole number, not None"),
+    ({"current": "strong"}, "current must be a number, not 'strong'"),
+    ({"law": 3}, "law must be a text, not 3"),
+])  # fmt: skip
+def test_values_of_another_kind_are_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        make("net", **given)
+    assert make("net", side=2, subdomains=None, current=1).load.any()

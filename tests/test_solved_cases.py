@@ -112,6 +112,15 @@ def test_a_case_says_what_acts_in_it():
     assert repr(Case("none")) == "Case('none': nothing acts)"
 
 
+def test_sums_and_single_cases():
+    structure, (weak, strong, _) = corner()
+    assert sum([weak, strong]).load[1].tolist() == [7.0, 7.0]
+    with pytest.raises(TypeError):
+        1 + weak
+    with pytest.raises(TypeError, match=r"cases must be a list, such as \[weak\], not a single latinpc.Case"):
+        latinpc.solve_cases(structure, weak)
+
+
 def test_cases_that_shorten_a_link_to_nothing_say_so():
     """As a single solve does, once for alike cases, and not again what is so in every case."""
     structure, (weak, strong, _) = corner()

@@ -56,7 +56,7 @@ def check_keys(settings, keys, tables, where, prefix):
     """
     for key, value in settings.items():
         if key not in keys:
-            raise ValueError(f"{where}unknown key '{key}'{nearest(key, keys)}")
+            raise ValueError(f"{where}unknown key '{key}'{nearest(key, keys, 0.7)}")
         if key not in tables:
             continue
         for group, entries in value.items() if isinstance(value, dict) else [(key, None)]:
@@ -64,7 +64,7 @@ def check_keys(settings, keys, tables, where, prefix):
                 raise ValueError(f"{where}[{prefix}{key}] needs one table a group, written [{prefix}{key}.NAME]")
             for entry in entries:
                 if entry not in tables[key]:
-                    hint = nearest(entry, tables[key])
+                    hint = nearest(entry, tables[key], 0.7)
                     raise ValueError(f"{where}[{prefix}{key}.{group}]: unknown key '{entry}'{hint}")
 
 
@@ -124,9 +124,12 @@ def lines_of(group, entries, line_groups, where):
     name = entries.get("lines", group)
     if name == "all":
         return slice(None)
-    if not isinstance(name, str) or name not in line_groups or "box" in entries or "where" in entries:
+    of_nodes = [key for key in ("box", "where") if key in entries]
+    if of_nodes:
+        raise ValueError(f'{where}: {of_nodes[0]} is for nodes; name lines by lines = "GROUP", or lines = "all"')
+    if not isinstance(name, str) or name not in line_groups:
         hint = nearest(str(name), line_groups)
-        raise ValueError(f"{where}: 'line' is for a group of lines, or lines = \"all\"{hint}")
+        raise ValueError(f'{where}: no group of lines is {name!r}; give lines = "GROUP", or lines = "all"{hint}')
     return line_groups[name]
 
 
@@ -147,7 +150,7 @@ def _to_ends(values, links, count):
 
 def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
     """Add the supports of the settings to the fixed components (n, dim) and their displacements (m) of a file."""
-    dim = nodes.shape[1]
+    dim, given = nodes.shape[1], prescribed != 0.0  # a file that holds a node may leave its settlement to the settings
     for group, entries in settings.get("supports", {}).items():
         where = place(description, "supports", group)
         chosen = nodes_of(group, entries, nodes, node_groups, where)
@@ -163,10 +166,10 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
                 if value[axis]:
                     raise ValueError(f"{where}: displacement along {AXES[axis]}, which is not in fix")
                 continue
-            clash = fixed[chosen, axis] & (prescribed[chosen, axis] != value[axis])
+            clash = given[chosen, axis] & (prescribed[chosen, axis] != value[axis])
             if clash.any():
                 raise ValueError(f"{where}: a node has another displacement along {AXES[axis]} already")
-            fixed[chosen, axis] = True
+            fixed[chosen, axis] = given[chosen, axis] = True
             prescribed[chosen, axis] = value[axis]
     return fixed, prescribed
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from latinpc.laws import RIGID, Law
@@ -65,11 +66,11 @@ class Given:
 
 def add_options(settings, given, support, load, self_weight):
     """Add supports and loads of options to those of the TOML file, under their own words."""
-    for text in [support] if isinstance(support, str) else support:
+    for text in _texts(support, "support", "z=min"):
         where, _, axes = text.rpartition(":") if ":" in text else (text, "", "")
-        entries = {"where": where} | ({"fix": list(axes)} if axes else {})
+        entries = {"where": where.strip()} | ({"fix": list(axes.strip())} if axes else {})
         settings.setdefault("supports", {})[f"--support {text}"] = entries
-    for text in [load] if isinstance(load, str) else load:
+    for text in _texts(load, "load", "z=-1000:deck"):
         if f"--load {text}" in settings.get("loads", {}):
             raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
         settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
@@ -77,6 +78,14 @@ def add_options(settings, given, support, load, self_weight):
         value = number(value, "--self-weight" if group is None else f"--self-weight of '{group}'")
         words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"
         settings.setdefault("loads", {})[words] = {"down": value, "lines": "all" if group is None else group}
+
+
+def _texts(given, name, example):
+    """Return the texts of a parameter, one or several."""
+    texts = [given] if isinstance(given, str) else given
+    if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"{name} must be a text such as {example!r}, or a list of such, not {given!r}")
+    return texts
 
 
 def _force(text):
@@ -89,7 +98,7 @@ def _force(text):
         if axis.strip() not in AXES or not axis.strip() or number is None or axis.strip() in force:
             raise ValueError(f"--load {text}: '{part}' is no force; write z=-1000 or x=50,z=-1000, then :WHERE or not")
         force[axis.strip()] = number
-    return {"components": force, "where": where or "all"}
+    return {"components": force, "where": where.strip() or "all"}
 
 
 def in_space(settings, dim, description):

@@ -141,7 +141,7 @@ class Lines:
             tolerance = MERGE * self.extent
         elif not 0.0 <= tolerance <= self.extent / 20.0:
             raise ValueError(
-                f"--merge {tolerance:g}: it must be between 0 and a twentieth of the extent, {self.extent:g} m"
+                f"--merge {tolerance:g}: it must be between 0 and {self.extent / 20.0:g} m, a twentieth of the extent"
             )
         first, of = near_points(self.points, tolerance)
         self._refuse_contradictions(tolerance, of)

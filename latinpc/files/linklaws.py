@@ -99,7 +99,8 @@ def _table(entries, where):
     """Return elongations and tensions of a piecewise linear law."""
     table = entries.get("table")
     if not isinstance(table, list) or len(table) < 2:
-        raise ValueError(f"{where}: table must be a list of two or more pairs [e + e0 (m), tension (N)], not {table!r}")
+        said = "missing, give it in [laws.GROUP] of the TOML file" if table is None else f"not {table!r}"
+        raise ValueError(f"{where}: table must be a list of two or more pairs [e + e0 (m), tension (N)]; it is {said}")
     elongation, tension = np.array([vector(pair, 2, f"{where}: table") for pair in table]).T
     if (np.diff(elongation) <= 0).any() or (np.diff(tension) < 0).any() or tension[0] == tension[-1]:
         raise ValueError(f"{where}: the elongations of the table must increase, and the tensions must not decrease")

@@ -80,7 +80,7 @@ from latinpc.numbering import Numbering, grouped
 from latinpc.scenes.scene import Scene
 
 from .cases import read_cases
-from .description import read_description, read_loads, read_masses, read_supports, read_velocities
+from .description import number, read_description, read_loads, read_masses, read_supports, read_velocities
 from .given import Given, add_options, by_group, in_space
 from .linklaws import read_laws
 from .selection import AXES
@@ -170,6 +170,9 @@ def read(
         With the file, its line or its table, and what was expected.
     """
     path = _named(path)
+    for name, value in (("scale", scale), ("merge", merge), ("rise", rise), ("brace", brace)):
+        if value is not None:
+            number(value, name)
     lines = _reader(path)(path).in_metres(scale).merged(merge)
     if rise is not None:
         lines = lines.raised(rise)
@@ -326,7 +329,8 @@ def _dimension(settings, lines, description):
         (max(moved, default=0) + 1, "a node has a load or a displacement along {}"),
     ):
         if dim < needed:
-            raise ValueError(f"{description}: dim = {dim}, but {what.format(AXES[needed - 1])} in {lines.path.name}")
+            file = pair(lines.path)[0] if lines.path.suffix.lower() == ".csv" else lines.path
+            raise ValueError(f"{description}: dim = {dim}, but {what.format(AXES[needed - 1])} in {file.name}")
     return dim
 
 

@@ -12,9 +12,9 @@ def wrong(path, row, what, expected):
     raise ValueError(f"{place}{what}; expected {expected}")
 
 
-def nearest(word, known):
-    """Return what a message on an unknown key says of the known ones."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+def nearest(word, known, cutoff=0.5):
+    """Return what a message on an unknown key says of the known ones; of words of our own only near ones are meant."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
     return f" (do you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known)) or 'none'}"
 
 

@@ -6,6 +6,8 @@ compression-only links have a colour of their own.
 
 from __future__ import annotations
 
+from numbers import Real
+
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
@@ -60,8 +62,8 @@ def amplification_of(nodes, largest, asked=None):
     That makes the largest displacement (m) visible beside the structure; 1 for rounding.
     """
     if asked is not None:
-        if not np.isfinite(asked):
-            raise ValueError(f"the amplification of displacements is a finite number, not {asked}")
+        if not isinstance(asked, Real) or not np.isfinite(asked):
+            raise ValueError(f"the amplification of displacements is a finite number, not {asked!r}")
         return float(asked)
     span = np.ptp(nodes, axis=0).max()
     return round_factor(VISIBLE * span / largest) if largest > ROUNDING * span else 1.0

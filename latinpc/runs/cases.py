@@ -108,6 +108,8 @@ def solve_cases(
     """
     if isinstance(scene, Structure):
         scene, comm = Scene.from_structure(scene), scene.comm if comm is None else comm
+    if isinstance(cases, Case):
+        raise TypeError(f"cases must be a list, such as [{cases.name}], not a single latinpc.Case")
     cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
     if not cases:
         raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")

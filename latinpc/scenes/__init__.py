@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from numbers import Integral, Real
 
 from .arch import arch
 from .bridge import bridge
@@ -44,6 +45,10 @@ SCENES: dict[str, Callable[..., Scene]] = {
 }
 
 
+#: What options of scenes take: the name of a type -> numbers or texts, and their words
+KINDS = {"int": (Integral, "a whole number"), "float": (Real, "a number"), "str": (str, "a text")}
+
+
 def make(name: str, **options) -> Scene:
     """Make the scene of that name.
 
@@ -65,6 +70,10 @@ def make(name: str, **options) -> Scene:
     unknown = [option for option in options if option not in known]
     if unknown:
         raise ValueError(f"scene {name!r} has no option {unknown[0]!r}: choose from {', '.join(known)}")
+    for option, value in options.items():
+        kind, *others = str(known[option].annotation).split(" | ")
+        if kind in KINDS and not isinstance(value, KINDS[kind][0]) and not (value is None and "None" in others):
+            raise ValueError(f"scene {name!r}: {option} must be {KINDS[kind][1]}, not {value!r}")
     return SCENES[name](**options)
 
 

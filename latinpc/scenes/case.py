@@ -76,6 +76,10 @@ class Case:
                 acts.append(f"{what} {counted(np.count_nonzero(rows.reshape(len(rows), -1).any(axis=1)), noun)}")
         return f"Case({self.name!r}: {', '.join(acts) or 'nothing acts'})"
 
+    def __radd__(self, other: int) -> Case:
+        """Return the case itself: ``sum`` begins with 0."""
+        return self if isinstance(other, int) and other == 0 else NotImplemented
+
     @property
     def parts(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
         """Load, settlements and change of the initial elongations; None where there are none."""
