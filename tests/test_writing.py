@@ -56,6 +56,23 @@ def refused(call, *arguments):
     return latinpc.error_message(error.value)
 
 
+# ---- names ---------------------------------------------------------------------------------------
+def test_a_name_of_another_kind_of_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = latinpc.scenes.make("mast")
+    result, cases = scene.solve(), latinpc.solve_cases(scene, [latinpc.Case("dead")])
+    form = latinpc.form_find(
+        [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]], [[1, 1], [0, 0], [1, 1]], 5.0, load=[[0, -1]] * 3
+    )
+    for write_it, name, kinds in (
+        (result.to_csv, "a.xlsx", "csv"), (cases.to_csv, "a.txt", "csv"), (form.to_npz, "a.csv", "npz"),
+        (result.to_vtu, "a.csv", "vtu"), (form.to_vtu, "a.pvd", "vtu"), (result.to_dxf, "a.dwg", "dxf"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=f"^{name}: cannot write '.*' files here; use .{kinds}"):
+            write_it(name)
+    assert not list(tmp_path.iterdir())
+
+
 # ---- what is no regular file ---------------------------------------------------------------------
 
 

@@ -161,8 +161,9 @@ class Form:
 
     def to_npz(self, path: str | pathlib.Path) -> None:
         """Write the structure and tensions as numpy arrays; call it on one rank."""
-        from latinpc.results.atomic import atomic
+        from latinpc.results.atomic import atomic, check_writable
 
+        check_writable(path, (".npz",))
         arrays = {"nodes": self.nodes, "links": self.links, "law": self.law, "fixed": self.fixed, "load": self.load}
         arrays |= {"tensions": self.tensions, "densities": self.densities, "reactions": self.reactions}
         beside = {name: getattr(self, name) for name in ("mass", "area", "strength")}

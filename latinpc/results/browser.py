@@ -7,7 +7,7 @@ import pathlib
 import matplotlib
 import numpy as np
 
-from .atomic import atomic
+from .atomic import atomic, check_writable
 from .drawing import LOAD_COLOUR, STAMP_COLOUR, SUPPORT_COLOUR, plane_points
 from .look import SLACK_COLOUR, Scale, law_colours, law_name
 from .mechanics import slack
@@ -82,6 +82,7 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
 
 def write_html(figure, path):
     """Write a plotly figure with all it needs into one ``.html`` file, replaced only once it is complete."""
+    check_writable(path, (".html", ".htm"))
     text = figure.to_html(include_plotlyjs=True, full_html=True, default_height="98vh", config={"displaylogo": False})
     with atomic(path) as temporary:
         pathlib.Path(temporary).write_text(text, encoding="utf-8")

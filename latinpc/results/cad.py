@@ -9,7 +9,7 @@ import numpy as np
 
 from latinpc.laws import Law
 
-from .atomic import atomic
+from .atomic import atomic, check_writable
 
 SLACK = "slack"
 _FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')  # in names of layers
@@ -36,6 +36,7 @@ def write_dxf(path, structure, nodes, slack):
     slack : (m,) array of bool
         Links that bear nothing.
     """
+    check_writable(path, (".dxf",))
     check_ezdxf(path)
     import ezdxf
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from latinpc.laws import Law
 
-from .atomic import atomic
+from .atomic import atomic, check_writable
 from .mechanics import gaps, slack, stretches
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def write_csv(path: str | pathlib.Path, table: np.ndarray) -> None:
     def text(value):
         return str(int(value)) if isinstance(value, bool) else "" if value != value else str(value)
 
+    check_writable(path, (".csv",))
     with atomic(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table.dtype.names)

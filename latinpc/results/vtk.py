@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .atomic import atomic, follow
+from .atomic import atomic, check_writable, follow
 from .mechanics import slack, stretches
 
 
@@ -48,6 +48,7 @@ def write_vtu(
     geometry : str, optional
         How displacements turned links, that of the scene when not given.
     """
+    check_writable(path, (".vtu",))
     import meshio  # takes as long to load as all else
 
     n, m = len(scene.nodes), len(scene.links)
@@ -111,6 +112,7 @@ def write_pvd(path, motion):
     motion : latinpc.runs.motion.Motion
         With its frames.
     """
+    check_writable(path, (".pvd",))
     folder = frames_folder(path)
     folder.mkdir(exist_ok=True)
     root, names = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian"), set()
