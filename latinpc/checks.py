@@ -86,6 +86,9 @@ def checked(
     }
     for name, check in optional.items():
         found[name] = None if given[name] is None else check(given[name])
+    new = "EA" in given and around is None  # scenes may change their laws; a part of a structure may have no contact
+    if new and found["friction"] is not None and found["friction"].any() and not (law == Law.FRICTION).any():
+        raise ValueError("friction is given, and no link has the law friction: give it, or leave friction out")
     if found["strength"] is not None and found["area"] is None:
         raise ValueError("strength is a stress, which needs the area of the links: give area")
     return found

@@ -317,6 +317,18 @@ cli.main(["solve", sys.argv[1], "--subdomains", "2"])
     assert "latinpc: rank 1: only here" in result.stderr
 
 
+def test_a_folder_with_the_name_of_a_scene_and_files_without_their_suffix(tmp_path):
+    (tmp_path / "mast").mkdir()
+    (tmp_path / "mast" / "nodes.csv").write_text("node,x,fix\na,0,x\nb,1,\n")
+    (tmp_path / "mast" / "members.csv").write_text("start,end,EA\na,b,1\n")
+    said = "latinpc: mast is the built-in scene; the folder of that name is ./mast"
+    assert said in latinpc("solve", "mast", cwd=tmp_path).stderr.splitlines()
+    assert "2 nodes, 1 link" in latinpc("solve", "./mast", cwd=tmp_path).stdout
+    (tmp_path / "hall-nodes.csv").write_text("")
+    (tmp_path / "halls.msh").write_text("")
+    assert "; here is hall-nodes.csv" in latinpc("solve", "hall", cwd=tmp_path, code=2).stderr
+
+
 def test_missing_scene_after_a_flag_of_petsc():
     result = latinpc("solve", "-snes_monitor", TOWER, code=2)
     assert "put SCENE before" in result.stderr

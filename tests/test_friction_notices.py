@@ -25,7 +25,7 @@ def discs(count, closed, law="friction", **more):
     reach = np.repeat([0.1] * gaps + [0.0] * count, rows) * np.tile([1.0, 0.0][:rows], gaps + count)
     return latinpc.Structure(
         nodes, np.repeat(pairs, rows, axis=0), parts * (gaps + count), 0.0, reach, fixed, prescribed, load,
-        friction=0.3, direction=np.concatenate([normal[:rows] for normal in normals]), **more,
+        friction=0.3 * (rows > 1), direction=np.concatenate([normal[:rows] for normal in normals]), **more,
     )  # fmt: skip
 
 

@@ -187,3 +187,16 @@ def test_friction_names_a_law_that_the_geometry_takes(geometry, law):
     assert re.search(text, latinpc.error_message(error.value))
     stiffness = [0.0 if law == "contact" else 10.0, 1.0]
     latinpc.Structure(links=[[0, 1], [1, 2]], law=[law, "bar"], stiffness=stiffness, **given)
+
+
+def test_links_that_are_thicker_than_long_are_named():
+    """As those of areas in mm2."""
+    given = {"nodes": [[0.0], [1.0], [3.0]], "links": [[0, 1], [1, 2]], "law": "bar", "stiffness": 1e6}
+    held = {"fixed": [[1], [0], [0]], "load": [[0.0], [0.0], [1.0]]}
+    with pytest.warns(latinpc.LatinWarning) as caught:
+        found = latinpc.Structure(**given, **held, area=[200.0, 1e-4]).solve()
+    text = "link 0 is thicker than long, with an area of up to 200 m2: areas are in m2, 1 mm2 = 1e-6 m2"
+    assert [str(warning.message) for warning in caught] == found.notices == [text]
+    assert latinpc.Structure(**given, **held, area=[0.9, np.nan]).solve().notices == []
+    with pytest.warns(latinpc.LatinWarning, match="links 0, 1 are thicker than long"):
+        latinpc.solve_cases(latinpc.Structure(**given, **held, area=10.0), [latinpc.Case("a")])

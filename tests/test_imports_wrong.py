@@ -212,6 +212,7 @@ def test_toml_files_move_supports_of_tables(tmp_path):
     ('[loads.w]\nlines = "zzz"\nline = [0.0, 1.0]\n', ["[loads.w]: no group of lines is 'zzz'", "known: members"]),
     ('[loads.w]\nwhere = "x=min"\nline = [0.0, 1.0]\n', ["[loads.w]: where is for nodes; name lines by lines"]),
     ('[[case]]\n[case.supports.a]\nfix = "x"\n', ["unknown key 'supports'; known: combine"]),
+    ('[[case]]\nname = "c"\ncombine = {}\n', ["combine must be factors of cases, such as { dead = 1.35"]),
     ("scale = 0.1\n", ["unknown key 'scale'; known: case"]),
 ])  # fmt: skip
 def test_wrong_keys_are_named_without_far_guesses(toml, words, tmp_path):
@@ -220,6 +221,24 @@ def test_wrong_keys_are_named_without_far_guesses(toml, words, tmp_path):
     with pytest.raises(ValueError) as caught:
         latinpc.read(path)
     assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_members_have_names_of_their_own(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    rows = ",left,middle,1\ntie,left,middle,1\n,middle,right,1\ntie,right,left,2\n"
+    (tmp_path / "bars-members.csv").write_text("member,start,end,EA\n" + rows)
+    with pytest.raises(ValueError, match=r"bars-members.csv, line 5: member 'tie' is there already, on line 3"):
+        latinpc.read(path)
+
+
+def test_velocities_of_held_nodes_are_refused(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    toml = tmp_path / "bars.toml"
+    toml.write_text('[velocities.ends]\nwhere = "y=max"\nvelocity = [0.0, 1.0]\n')
+    with pytest.raises(ValueError, match=r"\[velocities.ends\]: all its nodes are held along the velocity"):
+        latinpc.read(path)
+    toml.write_text("[velocities.all]\nvelocity = [0.0, 1.0]\n")
+    assert latinpc.read(path).velocity.tolist() == [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
 
 
 def test_a_table_is_given_in_the_toml_file(tmp_path):

@@ -287,3 +287,9 @@ def test_tables_have_gaps_of_contacts_and_tangential_parts_follow_them():
     history = History([0.0, 0.1], [0.0, 1.0], Case("wider", initial_elongation=[0.0, 0.0, 0.2, 0.0, 0.0]))
     wider = move(replace(scene, load=None), 10, 1e-2, every=1, history=history).members
     assert wider[wider["link"] == 2]["gap"] == pytest.approx(np.linspace(0.1, 0.3, 11))
+
+
+def test_masses_on_held_nodes_alone_are_refused():
+    scene = Scene("two", [[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]], mass=[1.0, 0.0], time_step=0.1)
+    with pytest.raises(ValueError, match="has masses on held nodes alone: give those that move a mass"):
+        move(scene, 1)

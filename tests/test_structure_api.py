@@ -410,3 +410,10 @@ def test_arguments_of_solve_are_named_with_their_options():
             structure.solve(**{name: wrong})
     with pytest.raises(latinpc.SolveError, match="^-snes_latin_error is "):
         structure.solve(options={"snes_latin_error": 0})
+
+
+def test_friction_without_its_law_is_refused():
+    given = {"nodes": [[0.0], [1.0]], "links": [[0, 1]], "stiffness": 1.0, "fixed": [[1], [0]]}
+    with pytest.raises(ValueError, match="friction is given, and no link has the law friction"):
+        latinpc.Structure(**given, law="bar", friction=0.3)
+    latinpc.Structure(**given, law="bar", friction=0.0)

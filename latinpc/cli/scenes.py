@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import inspect
 import os
+import pathlib
 import re
+import sys
 from dataclasses import replace
 
 import click
 from petsc4py import PETSc
 from rich.markup import escape
 
-from latinpc.files.reading import FORMATS, read, sources
+from latinpc.files.reading import FORMATS, READERS, read, sources
 from latinpc.files.text import finite
 from latinpc.geometry import known_geometry
 from latinpc.scenes import SCENES, make
@@ -163,7 +165,11 @@ def _opened(name, options):
             raise ValueError(f"--{beyond[0].replace('_', '-')} has no meaning for a file, which takes {takes}")
         return read(name, **{key: _of_file(key, value) for key, value in given.items() if key in FILES})
     if name not in SCENES:
-        raise ValueError(f"unknown scene '{name}': choose from {', '.join(SCENES)}, or give a file: {FORMATS}")
+        there = sorted(str(path) for path in _beside(name))
+        meant = f"; here is {', '.join(there)}" if there else ""
+        raise ValueError(f"unknown scene '{name}': choose from {', '.join(SCENES)}, or give a file: {FORMATS}{meant}")
+    if pathlib.Path(name, "nodes.csv").exists():
+        print(f"latinpc: {name} is the built-in scene; the folder of that name is ./{name}", file=sys.stderr)
     known = {parameter: kind for parameter, kind, *_ in parameters(SCENES[name])}
     for key in given:
         if key not in known and key != "subdomains":
@@ -171,6 +177,12 @@ def _opened(name, options):
             takes = ", ".join(f"--{other.replace('_', '-')}" for other in known)
             raise ValueError(f"{option} has no meaning for the scene {name}, which takes {takes}")
     return make(name, **{key: _of_scene(key, known[key], given[key]) for key in known if key in given})
+
+
+def _beside(name):
+    """Return the files of this folder that a name without a suffix may mean."""
+    stem = re.compile(rf"{re.escape(name)}([-_ ](nodes|members))?")
+    return [path for path in pathlib.Path().iterdir() if path.suffix.lower() in READERS and stem.fullmatch(path.stem)]
 
 
 def _of_file(key, value):

@@ -100,7 +100,7 @@ def read_cases(settings, scene, ends, line, line_groups, node_groups, descriptio
 def _combined(table, cases, where):
     """Return the cases that a case combines, with their factors."""
     combine = table.get("combine", {})
-    if not isinstance(combine, dict):
+    if not isinstance(combine, dict) or (not combine and "combine" in table):
         raise ValueError(f"{where}: combine must be factors of cases, such as {{ dead = 1.35, snow = 1.5 }}")
     for part, factor in combine.items():
         if part not in cases:

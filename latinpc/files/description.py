@@ -224,5 +224,7 @@ def read_velocities(settings, nodes, node_groups, fixed, description):
         if "velocity" not in entries:
             raise ValueError(f"{where}: key 'velocity' is missing; give velocity = [vx, ..] in m/s of each node")
         value = vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")
+        if (fixed[chosen] | (value == 0.0)).all() and value.any():
+            raise ValueError(f"{where}: all its nodes are held along the velocity, and do not move")
         assign(velocity, taken, chosen, value, f"{where}: velocity")
     return np.where(fixed, 0.0, velocity)

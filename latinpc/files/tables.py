@@ -65,6 +65,10 @@ def read_tables(path):
         number[name] = len(number)
     members = Table(members_file, MEMBERS, ("start", "end"), nodes)
     ends = np.column_stack([_ends(members, key, number, nodes_file) for key in ("start", "end")])
+    named = {}
+    for row, name in zip(members.rows, members.columns.get("member", [])):
+        if name and named.setdefault(name, row) != row:
+            wrong(members_file, row, f"member '{name}' is there already, on line {named[name]}", "one line each")
     same = np.flatnonzero(ends[:, 0] == ends[:, 1])
     if same.size:
         wrong(members_file, members.rows[same[0]], f"joins node '{members.columns['start'][same[0]]}' to itself",

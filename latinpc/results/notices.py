@@ -35,6 +35,7 @@ __all__ = [
     "coincident",
     "duplicates",
     "errors_as_given",
+    "implausible",
     "limit",
     "magnitudes",
     "overstretched",
@@ -259,6 +260,11 @@ def turned(result: Result) -> list[str]:
     return [f"{' and '.join(said)}: small displacements do not hold{cure}"]
 
 
+def implausible(structure: Structure) -> list[str]:
+    """Return sentences on initial elongations and areas beyond the lengths of links; not collective."""
+    return overstretched(structure) + _thick(structure)
+
+
 def overstretched(structure: Structure) -> list[str]:
     """Return a sentence on links whose length without tension would be below zero, if any; of parts collective."""
     gaps = (Law.CONTACT, Law.FRICTION, Law.TANGENT, Law.COMPRESSION_ONLY)
@@ -275,6 +281,20 @@ def overstretched(structure: Structure) -> list[str]:
         f"the initial elongation{'' if one else 's'} of {named} {'is' if one else 'are'} larger than"
         f" {'it is' if one else 'these are'} long: a prestress is at most the stiffness,"
         " EA / length, times the length; if stiffness was given as EA, give it as EA"
+    ]
+
+
+def _thick(structure: Structure) -> list[str]:
+    """Return a sentence on links that are thicker than long, if there are any."""
+    if structure.area is None:
+        return []
+    links = np.flatnonzero((structure.lengths > 0.0) & (np.sqrt(structure.area) > structure.lengths))
+    if not len(links):
+        return []
+    named, one = structure.some_links(links[:_NAMED], len(links) > _NAMED), len(links) == 1
+    return [
+        f"{named} {'is' if one else 'are'} thicker than long, with an area of up to"
+        f" {structure.area[links].max():.3g} m2: areas are in m2, 1 mm2 = 1e-6 m2"
     ]
 
 

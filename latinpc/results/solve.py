@@ -17,7 +17,7 @@ from latinpc.options import default_options, given_options, preset_options, unkn
 
 from .limit import bearing, borne, branches, moving, softest, unstable
 from .loose import loose
-from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
+from .notices import ConvergenceWarning, SolveError, causes, changed, implausible, limit, magnitudes, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
 from .unread import unread
@@ -231,7 +231,7 @@ def _gathered(structure, snes, core, u, part, factor, ends):
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
-        notices=[*structure.notices, *overstretched(structure), *causes(snes, structure, past), *idle(snes)],
+        notices=[*structure.notices, *implausible(structure), *causes(snes, structure, past), *idle(snes)],
     )
     slack = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
     report = report_of(structure, snes, statistics, past, slack) | {

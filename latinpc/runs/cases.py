@@ -19,7 +19,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
 from latinpc.results.mechanics import slack, stresses, utilisations
-from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, limit, overstretched, warn
+from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, implausible, limit, warn
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
 from latinpc.results.unread import unread
@@ -124,7 +124,7 @@ def solve_cases(
     structure = Structure.from_scene(scene, comm)
     given = given_options(options)
     settings = given | subdomain_options(subdomains)
-    notices = [*unknown_options(), *structure.notices, *overstretched(structure)]
+    notices = [*unknown_options(), *structure.notices, *implausible(structure)]
     start = time.perf_counter()
     with default_options(settings) as ours, errors_as_given(structure):
         series = _Series(structure, scene, cases, each_case)

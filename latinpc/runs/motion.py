@@ -134,6 +134,8 @@ def move(
         scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
     if scene.mass is None:
         raise ValueError(f"the scene {scene.name} has no masses: give every node one with --node-mass")
+    if not (scene.mass > 0.0)[~scene.fixed.all(axis=1)].any():
+        raise ValueError(f"the scene {scene.name} has masses on held nodes alone: give those that move a mass")
     step = scene.time_step if step is None else step
     if step is None:
         raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --time-step")
