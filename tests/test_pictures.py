@@ -15,7 +15,7 @@ from test_files import MSH, TOML
 
 import latinpc
 from latinpc.bench import paper_figures
-from latinpc.results import pictures, symbols
+from latinpc.results import drawing, look, pictures, symbols
 from latinpc.results.drawing import STAMP_COLOUR, SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
 from latinpc.results.look import SLACK_COLOUR, Scale
@@ -68,7 +68,7 @@ def test_any_dimension(tmp_path, drawn, dim, suffix):
     moved = 0.01 * np.ones((4, dim))
     pictures.draw_structure(scene, moved, np.array([-2e3, 0.0, -1.0]), np.array([0, 0, 1]), path)
     assert path.stat().st_size > 1000
-    assert "slack cable (100 %)" in drawn[0] and "slack compression-only link (0 %)" in drawn[0]
+    assert "slack cable (100 %)" in drawn[0] and "slack compression-only link" not in drawn[0]
     assert "Force (kN), compression negative" in drawn[0] and "2 subdomains" in drawn[0]
 
 
@@ -79,6 +79,39 @@ def test_open_contacts_have_no_width(tmp_path, drawn, suffix):
     path = tmp_path / f"row{suffix}"
     pictures.draw_structure(scene, np.zeros((4, 2)), np.array([-2e3, 0.0, 0.0]), path=path)
     assert path.stat().st_size > 1000 and "66.7 % are open" in drawn[0]
+
+
+def test_links_without_force_are_grey(drawn, tmp_path):
+    scale = look.Scale(np.array([2e3, -1e-9]))
+    colours = scale.colours([2e3, 1.0, -1e-9, 0.0])
+    grey = matplotlib.colors.to_rgba(look.IDLE_COLOUR)
+    assert [tuple(colour) == grey for colour in colours] == [False, False, True, True]
+    assert not (scale.map().colors == grey).all(axis=1).any()
+    pictures.draw_structure(_row(2), np.zeros((4, 2)), np.array([-1e-9, 2e3, -1.0]), path=tmp_path / "row.png")
+    assert "no force (1)" in drawn[0] and "slack" not in drawn[0]
+
+
+@pytest.mark.parametrize("length", [4.2, 7.3, 50.0])
+def test_ticks_are_at_round_numbers(length):
+    points = np.array([[0.0, 0.0], [length, 0.3 * length]])
+    axes = drawing.axes_2d(drawing.new_figure(8, 5), [0.1, 0.1, 0.8, 0.8], points)
+    steps = np.concatenate([np.diff(axes.get_xticks()), np.diff(axes.get_yticks())])
+    for step in steps:
+        assert any(
+            np.isclose(step / 10.0 ** np.floor(np.log10(step) + 1e-9), round_one) for round_one in (1, 2, 2.5, 5)
+        )
+
+
+@pytest.mark.parametrize("width", [1.0, 3.0, 6.0])
+def test_labels_of_short_edges_are_apart_from_their_ticks(width):
+    """As of a long and narrow bridge."""
+    figure = drawing.new_figure(12.0, 7.2)
+    axes = drawing.axes_for(figure, pictures.MAIN_3D, np.array([[-1.0, 0.0, -8.0], [49.0, width, 3.0]]))
+    drawing.label_axes(figure, axes)
+    figure.canvas.draw()
+    (label,) = (text for text in figure.texts if text.get_text() == "y (m)")
+    ticks = [tick.label1 for tick in axes.yaxis.majorTicks]
+    assert ticks and not any(label.get_window_extent().overlaps(tick.get_window_extent()) for tick in ticks)
 
 
 def test_nothing_moves_and_nothing_is_loaded(tmp_path, drawn):
@@ -279,7 +312,12 @@ def test_mechanism_and_collapse_are_drawn_as_such():
         result = square("cable").solve()
     assert np.allclose(result.free_motion, [[0, 0], [0, 0], [-1, 0], [-1, 0]], atol=1e-9)
     text = _written(result.plot())
-    assert "COLLAPSE" in text and "slack link" in text and "no link that is taut resists" in text
+    assert "COLLAPSE" in text and "motion of slack links" in text and "motion that no link resists" in text
+    assert "no link that is taut resists" in text
+    with pytest.warns(latinpc.ConvergenceWarning):
+        cable = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "cable", 1.0, fixed=[[1], [0]], load=[[0], [-1.0]]).solve()
+    text = _written(cable.plot())
+    assert "motion of slack links" in text and "motion that no link resists" not in text and "red" not in text
     held = square("cable", load=[[0, 0], [0, 0], [5.0, 0], [0, 0]]).solve()
     assert held.free_motion is None and "COLLAPSE" not in _written(held.plot())
 
@@ -360,6 +398,8 @@ def test_a_film_shows_supports_masses_and_scales(tmp_path, monkeypatch):
         assert all(word in text for text in texts), word
     limits = {(figure.axes[-1].get_ylim()) for figure in figures}
     assert len(limits) == 1  # one scale for all frames
+    bar = np.array(Image.open(tmp_path / "a.gif").convert("RGB"))[70:220, 647]
+    assert len(np.unique(bar, axis=0)) > 20  # no bands
 
 
 @pytest.mark.filterwarnings("ignore:nodes move", "ignore:not converged")

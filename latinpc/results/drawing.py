@@ -17,6 +17,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from .atomic import atomic
 
+STEPS = [1, 2, 2.5, 5, 10]  # between ticks, times a power of ten
+SHORT, FARTHER = 90.0, 18.0  # points: level edges so short have their label farther from their ticks
 SUPPORT_COLOUR, LOAD_COLOUR, STAMP_COLOUR = "#333333", "#1b7837", "#d7191c"
 
 
@@ -52,7 +54,7 @@ def axes_2d(figure, rectangle, points):
     axes.set_aspect("equal")
     for axis, share in zip((axes.xaxis, axes.yaxis), (high - low) / (high - low).max()):
         room = int(9 * share)  # for labels that do not overlap
-        axis.set_major_locator(MaxNLocator(room) if room else FixedLocator([]))
+        axis.set_major_locator(MaxNLocator(room, steps=STEPS) if room else FixedLocator([]))
     axes.tick_params(labelsize=8)
     axes.grid(color="#e8e8ec", linewidth=0.5)
     axes.set_axisbelow(True)
@@ -74,7 +76,7 @@ def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=Non
         pane = getattr(axes, f"{name}axis")
         pane.set_pane_color((0.975, 0.975, 0.985, 1.0))
         pane._axinfo["grid"].update(color=(0.88, 0.88, 0.9, 1.0), linewidth=0.5)
-        pane.set_major_locator(MaxNLocator(int(np.clip(7 * aspect[axis] / aspect.max(), 1, 7))))
+        pane.set_major_locator(MaxNLocator(int(np.clip(7 * aspect[axis] / aspect.max(), 1, 7)), steps=STEPS))
     axes.view_init(elev=elevation, azim=azimuth)
     axes.tick_params(labelsize=8, pad=1)
     _fill(figure, axes, rectangle, np.array(list(np.ndindex(2, 2, 2))) * extent + middle - extent / 2, aspect, fill)
@@ -189,7 +191,9 @@ def label_axes(figure, axes, vertical="z (m)", gaps=(50.0, 50.0, 58.0)):
     middle = _pixels(axes, [((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2)])[0]
     for label, edge, points in zip(labels, edges, gaps):
         start, end = _pixels(axes, edge)
-        along = (end - start) / np.linalg.norm(end - start)
+        length = np.linalg.norm(end - start)
+        along = (end - start) / length
+        points += FARTHER if label != vertical and length * 72.0 / figure.dpi < SHORT else 0.0
         outward = np.array([along[1], -along[0]])
         outward *= np.sign(outward @ ((start + end) / 2 - middle)) or 1.0
         place = figure.transFigure.inverted().transform((start + end) / 2 + outward * points * figure.dpi / 72.0)

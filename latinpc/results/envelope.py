@@ -20,7 +20,7 @@ from .drawing import (
     save,
     symbol_keys,
 )
-from .look import DASHES, IDLE_COLOUR, MANY_LINKS, SLACK_COLOUR, Scale, widths_of
+from .look import DASHES, MANY_LINKS, SLACK_COLOUR, Scale, widths_of
 from .mechanics import stresses, utilisations
 from .pictures import drawn_links
 from .symbols import supports
@@ -130,7 +130,6 @@ def envelope_figure(cases):
         axes = axes_for(figure, rectangle, extent)
         label_axes(figure, axes)
         colours = scale.colours(force)
-        colours[force == 0.0] = to_rgba(IDLE_COLOUR)
         if title.endswith("tension"):
             colours[always[seen]] = to_rgba(SLACK_COLOUR)
         draw_links(axes, points[ends], colours, widths, styles)

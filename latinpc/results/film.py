@@ -82,7 +82,7 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
     draw_symbols(axes, stands)
     if len(shape) <= FEW_NODES:
         axes.plot(*np.delete(shape, bodies, axis=0).T, "o", color="#333333", markersize=2.0, clip_on=False)
-    keys = force_keys(law, loose) + symbol_keys(stands)
+    keys = force_keys(law, loose, film=True) + symbol_keys(stands)
     if len(bodies):
         axes.plot(*shape[bodies].T, "o", color=MASS_COLOUR, markersize=9.0, clip_on=False, zorder=7)
         text = f"mass {quantity(1e3 * scene.mass[bodies].max(), 'g')}"
@@ -96,4 +96,5 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
     if early:
         figure.text(0.02, 0.895, early, fontsize=9, color=STAMP_COLOUR)
     figure.canvas.draw()
-    return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(255)
+    image = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])
+    return image.quantize(255, Image.Quantize.FASTOCTREE)  # the median cut makes bands of the colours of forces

@@ -14,7 +14,8 @@ from .units import scaled
 COMPRESSION = LinearSegmentedColormap.from_list("compression", ["#fdbb84", "#fc8d59", "#d7301f", "#67000d"])
 TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#1764ab", "#08306b"])
 SLACK_COLOUR = "#c800a1"
-IDLE_COLOUR = "#cccccc"  # links without force
+IDLE_COLOUR = "#c0c0c0"  # links without force
+NO_FORCE = 1e-6  # of the largest force
 LAW_COLOURS = ("#555555", "#1764ab", "#d7301f", "#1b9e77", "#7b3294", "#7b3294", "#7b3294")  # by number of `Law`
 TABLE_COLOUR = "#b8860b"  # laws of tables, and of the user's
 MANY_LINKS = 4000  # beyond, dashes and the undeformed shape only blur the picture
@@ -37,15 +38,22 @@ class Scale:
         self.largest = max(-self.low, self.high)
         self.divisor, self.unit = scaled(self.largest, "N")
 
+    def none(self, forces):
+        """Return which forces are none but for rounding, (m,) of bool."""
+        return np.abs(np.asarray(forces, dtype=float)) <= NO_FORCE * self.largest
+
     def colours(self, forces):
-        """Return the colours (m, 4) of forces (m,)."""
+        """Return the colours (m, 4) of forces (m,), grey where there is none."""
+        return np.where(self.none(forces)[:, None], matplotlib.colors.to_rgba(IDLE_COLOUR), self._warm(forces))
+
+    def _warm(self, forces):
         forces = np.asarray(forces, dtype=float)
         share = np.abs(forces) / max(self.largest, 1e-300)
         return np.where((forces < 0.0)[:, None], COMPRESSION(share), TENSION(share))
 
     def map(self):
         """Return a colour map from the lowest force to the highest."""
-        return ListedColormap(self.colours(np.linspace(self.low, self.high, 512)))
+        return ListedColormap(self._warm(np.linspace(self.low, self.high, 512)))
 
     @property
     def label(self):
@@ -98,8 +106,11 @@ def force_look(law, tensions, loose, scale):
     return colours, widths, [DASHES if dashed and free else (0, None) for free in loose & wide]
 
 
-def force_keys(law, loose):
-    """Return the keys of a legend: the kinds of links in grey, and how many of them are slack."""
+def force_keys(law, loose, idle=0, film=False):
+    """Return the keys of a legend: the kinds of links in grey, and how many are slack or bear nothing.
+
+    The legend of a film is the same in all frames: that of slack links is there anyway.
+    """
     keys = []
     if (law == Law.BAR).any():
         keys.append(Line2D([], [], color="#555555", linewidth=2.6, label="bar"))
@@ -109,8 +120,12 @@ def force_keys(law, loose):
             name = kind.noun
             keys.append(Line2D([], [], color="#555555", linewidth=1.1, label=name))
             share = 100.0 * loose[chosen].mean()
+            if not share and not film:
+                continue
             text = f"slack {name.removeprefix('inextensible ')} ({share:.3g} %)"
             keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=DASHES, label=text))
+    if idle:
+        keys.append(Line2D([], [], color=IDLE_COLOUR, linewidth=2.6, label=f"no force ({idle:,})"))
     touch = np.isin(law, TOUCHING)
     if touch.any():
         text = f"contact, wide as its force\n({100.0 * loose[touch].mean():.3g} % are open)"

@@ -18,7 +18,7 @@ MOVES = 0.05  # of the largest displacement: less is not seen
 SMALL = 0.4  # of the structure: a part that is smaller fills the picture,
 ROOM = 0.1  # with the links around it: of the part, how far from it they begin
 NAMED = 8
-REASON = "no link resists the motion in red, of any size"
+REASON = "no link resists the motion drawn, of any size"
 
 
 def motion_figure(
@@ -89,12 +89,12 @@ def _draw(scene, shape, moves, loose, load, figure):
 
 def _keys(loose):
     """Return the keys of the legend."""
-    keys = [
-        Line2D([], [], color=GHOST_COLOUR, linewidth=2.0, label="as given"),
-        Line2D([], [], color=STAMP_COLOUR, linewidth=2.0, label="motion that no link resists"),
-    ]
+    keys = [Line2D([], [], color=GHOST_COLOUR, linewidth=2.0, label="as given")]
+    if not loose.all():
+        keys.append(Line2D([], [], color=STAMP_COLOUR, linewidth=2.0, label="motion that no link resists"))
     if loose.any():
-        keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=DASHES, label="slack link"))
+        style = {"color": SLACK_COLOUR, "linewidth": 1.6, "linestyle": DASHES}
+        keys.append(Line2D([], [], label="motion of slack links", **style))
     return keys
 
 

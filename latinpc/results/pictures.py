@@ -31,6 +31,7 @@ from .drawing import (
 )
 from .look import (
     MANY_LINKS,
+    TOUCHING,
     Scale,
     force_keys,
     force_look,
@@ -131,7 +132,8 @@ def structure_figure(
     if numbers:
         sketch.numbers()
     force_bar(sketch.figure, [0.86, 0.53, 0.014, 0.34], scale)
-    sketch.legend(force_keys(sketch.law, loose), 0.50)
+    idle = np.count_nonzero(scale.none(tensions[seen]) & ~loose & ~np.isin(sketch.law, TOUCHING))
+    sketch.legend(force_keys(sketch.law, loose, idle), 0.50)
     if subdomain is not None and np.max(subdomain) > 0:
         _draw_subdomains(sketch.figure, nodes[sketch.ends], np.asarray(subdomain)[seen])
     divisor, unit = scaled(largest, "m")
