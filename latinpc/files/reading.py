@@ -5,6 +5,7 @@ of Gmsh, a layer of a DXF file, a ``g`` or ``o`` of an OBJ file, a name in the c
 lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a compas file, ``members`` of CSV files,
 ``truss`` of OpenSees::
 
+    title = "Canopy"                     # optional; the name of the structure, else that of the file
     dim = 3                              # optional; a flat structure is 2D, one along x is 1D
     geometry = "large"                   # optional; how displacements turn links: linear (not), prestress, large
 
