@@ -261,7 +261,7 @@ def turned(result: Result) -> list[str]:
 
 
 def implausible(structure: Structure) -> list[str]:
-    """Return sentences on initial elongations and areas beyond the lengths of links; not collective."""
+    """Return sentences on initial elongations and areas beyond the lengths of links; of parts collective."""
     return overstretched(structure) + _thick(structure)
 
 
@@ -285,16 +285,19 @@ def overstretched(structure: Structure) -> list[str]:
 
 
 def _thick(structure: Structure) -> list[str]:
-    """Return a sentence on links that are thicker than long, if there are any."""
+    """Return a sentence on links that are thicker than long, if there are any; of parts collective."""
     if structure.area is None:
         return []
+    over = structure.over_ranks
     links = np.flatnonzero((structure.lengths > 0.0) & (np.sqrt(structure.area) > structure.lengths))
+    largest = over.largest(structure.area[links].max(initial=0.0))
+    links = over.link_numbers(links, _NAMED + 1)
     if not len(links):
         return []
     named, one = structure.some_links(links[:_NAMED], len(links) > _NAMED), len(links) == 1
     return [
         f"{named} {'is' if one else 'are'} thicker than long, with an area of up to"
-        f" {structure.area[links].max():.3g} m2: areas are in m2, 1 mm2 = 1e-6 m2"
+        f" {largest:.3g} m2: areas are in m2, 1 mm2 = 1e-6 m2"
     ]
 
 
