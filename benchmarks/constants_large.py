@@ -204,7 +204,7 @@ LARGE = {
         "ratio",
         "60 random towers: a rotation changes the state of 1, as with 3; with 100 of 2.",
     ),
-    "LATIN_DESCENT_FAR": ("sizes", "60 random towers: 10 and 1e5 find the same states."),
+    "LATIN_LARGE_NOWHERE": ("sizes", "60 random towers: 10 and 1e5 find the same states."),
     "LATIN_PATH_RESIDUAL": (
         "of forces on all nodes",
         "A solve leaves a hundredth as a rule; a bar that hangs loose left 0.7.",

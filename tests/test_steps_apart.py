@@ -70,3 +70,19 @@ def test_a_node_without_mass_is_in_balance_or_the_step_fails(heavy, error, light
         held = held + tension[4] * structure.directions[4]
         assert held == pytest.approx(forces[2], abs=1e-2 * load)
         assert np.abs(structure.displacements(u)).max() < 1.0
+
+
+@pytest.mark.parametrize("h", [1e-2, 1e-3])
+def test_a_node_without_mass_that_a_strut_pushes_away_is_named(h):
+    """Its strut is compressed at the start: mean forces of the step are zero only infinitely far away."""
+    structure = latinpc.Structure(
+        [[0, 0], [1, 0], [0, 2], [1, 2]], [[0, 1], [2, 3]], ["compression_only", "bar"], 1e3,
+        initial_elongation=[-0.05, 0.0], fixed=[[1, 1], [0, 1], [1, 1], [0, 1]], mass=[0, 0, 0, 1.0], geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    ts, _, _ = moving(structure, h, [[0, 0], [0, 0], [0, 0], [1.0, 0]])
+    for _ in range(4):
+        if ts.getConvergedReason() >= 0:
+            ts.step()
+    assert ts.getConvergedReason() < 0
+    assert "node 1 against the loads, and it has no mass" in latinpc.step_cause(ts)

@@ -242,7 +242,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscFree(wanted));
   LatinAgree(
     PetscObjectComm(dir->sub->object), bad, LatinSubdomainsTried(sub) ? PETSC_ERR_MAT_CH_ZRPVT : PETSC_ERR_CONV_FAILED,
-    "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as after MatConvert() of a whole matrix to a MATIS, or rounding is large. For large rounding, choose another -%sdirection, e.g. diagonal",
-    LatinPrefix(dir->sub));
+    "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as where prestress compresses links, or after MatConvert() of a whole matrix to a MATIS, or rounding is large. Take another -%sdirection, e.g. diagonal, or -%svariant primal",
+    LatinPrefix(dir->sub), LatinPrefix(dir->sub));
   PetscFunctionReturn(0);
 }

@@ -23,7 +23,6 @@
 #define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
 #define LATIN_DESCENT_LIGHTER 10.0                          /* times as light as the ones before: the next loads */
 #define LATIN_DESCENT_AWAY    0.05                          /* of the size of the structure: further from where a descent is to stay near it snaps through */
-#define LATIN_DESCENT_FAR     1e3                           /* of the size of the structure: displacements that lead nowhere */
 
 typedef struct {
   LatinStructure structure;
@@ -120,7 +119,7 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
     PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
   }
   if (left <= LATIN_DESCENT_BALANCE * (descent->step ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
-  else if (far > LATIN_DESCENT_FAR || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
+  else if (far > LATIN_LARGE_NOWHERE || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
   else PetscCall(TaoSetConvergedReason(tao, TAO_CONTINUE_ITERATING));

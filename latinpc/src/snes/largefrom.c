@@ -60,6 +60,41 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
   PetscFunctionReturn(0);
 }
 
+/* Nodes without mass that a step takes away, as their links slacken in it: mean forces balance at infinity alone. Lists them; the step has failed. Collective on snes */
+static PetscErrorCode LatinLargeLost_Private(SNES snes)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame->turns;
+  const PetscScalar   *ground;
+  PetscScalar         *u;
+  PetscReal            most, all;
+  PetscInt             n;
+  Vec                  light;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &all));
+  if (all <= LATIN_LARGE_NOWHERE * data->large.size) PetscFunctionReturn(0);
+  PetscCall(DMGetGlobalVector(structure->dm, &light));
+  PetscCall(VecCopy(snes->vec_sol, light));
+  PetscCall(VecGetLocalSize(light, &n));
+  PetscCall(VecGetArrayRead(structure->ground, &ground));
+  PetscCall(VecGetArray(light, &u));
+  for (PetscInt i = 0; i < n; i++)
+    if (PetscRealPart(ground[i]) > 0.0) u[i] = 0.0;
+  PetscCall(VecRestoreArray(light, &u));
+  PetscCall(VecRestoreArrayRead(structure->ground, &ground));
+  PetscCall(VecNorm(light, NORM_INFINITY, &most));
+  PetscCall(VecAXPY(light, -1.0, snes->vec_sol));
+  PetscCall(VecNorm(light, NORM_INFINITY, &all));
+  if (most > LATIN_LARGE_NOWHERE * (data->large.size + all)) {
+    PetscCall(VecAXPY(light, 1.0, snes->vec_sol));
+    PetscCall(LatinEquilibriumMoved_Private(structure, light, &data->found));
+    data->next = LATIN_NEXT_DIVERGED;
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &light));
+  PetscFunctionReturn(0);
+}
+
 /* A time step: Newton's method, and where it fails the iteration. Collective on snes */
 PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
 {
@@ -69,6 +104,7 @@ PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_FALSE, &done));
   if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
+  if (LatinNextConverged(data->next)) PetscCall(LatinLargeLost_Private(snes));
   data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
   PetscFunctionReturn(0);
 }

@@ -306,6 +306,8 @@ static inline PetscBool SNESLatinLeft(SNES snes, PetscReal loads)
   return (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && structure->rigid_law < 0 && !structure->ground && !data->found.balanced && data->residual > PetscMax(SNESLatinResidualTarget(snes), data->found.rounding * loads));
 }
 
+#define LATIN_LARGE_NOWHERE 1e3 /* of the size of the structure: displacements that lead nowhere */
+
 #define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */
 
 /* Is the unbalance rounding, of large displacements? Then the solve ends with LATIN_NEXT_ROUNDING, and no digit of the error */
