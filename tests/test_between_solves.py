@@ -95,7 +95,11 @@ def test_a_guess_that_is_no_number_comes_back_as_it_was():
     snes, u = structure.create_snes(), structure.create_vec()
     u.set(np.nan)
     snes.setFromOptions()
-    snes.solve(None, u)
+    try:
+        snes.solve(None, u)
+    except PETSc.Error as error:
+        assert error.ierr == 72  # PETSc with its own checks looks at the guess first
+        return
     assert snes.getConvergedReason() == -4  # its name depends on the version of petsc4py
     assert np.isnan(u.getArray()).all() and np.isnan(snes.getFunctionNorm())
 
