@@ -150,7 +150,7 @@ def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
 
 
 def _flown(scene, h, u, v):
-    """How far components move in a step without rigid links and neighbours, from the elastic forces at its start."""
+    """How far components move in a step under the elastic forces at its start, without rigid links."""
     b, m = kinematics(scene), np.repeat(scene.mass, scene.dim)
     x = b @ u.ravel() + scene.initial_elongation
     taut = (
@@ -159,9 +159,9 @@ def _flown(scene, h, u, v):
         | ((scene.law == Law.COMPRESSION_ONLY) & (x <= 0))
     )
     stiffness = np.where(taut, scene.stiffness, 0.0)
-    left = scene.load.ravel() + m * v.ravel() / h - b.T @ (stiffness * x)
-    holds = m / h**2 + (b * b).T @ stiffness
-    return np.where(~scene.fixed.ravel() & (holds > 0), left / np.where(holds > 0, holds, 1.0), 0.0)
+    left = scene.load.ravel() - b.T @ (stiffness * x)
+    flown = h * v.ravel() + h * h * left / np.where(m > 0, m, 1.0)
+    return np.where(~scene.fixed.ravel() & (m > 0), flown, 0.0)
 
 
 def _laws(scene, x, rate, tension, closed, force, far):

@@ -19,7 +19,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
   PetscCall(LatinEquilibriumPoint_Private(data->latin->sub.structure, &least));
-  if (size <= least) PetscFunctionReturn(0); /* nothing moves */
+  if (size <= least && (rigid || data->found.balanced)) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
   if ((PetscMax(data->estimate.floor, LATIN_DIGITS_SAFETY * data->found.blur) <= data->target && data->newton.error <= data->target) || data->estimate.energy ||

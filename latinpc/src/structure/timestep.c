@@ -205,56 +205,29 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* Subtracts the forces of elastic links at the start of the step, with strains step->e0, from f, and adds the diagonal of their tangent stiffness to d. Collective on step */
-static PetscErrorCode LatinStepElastic_Private(LatinStructure step, Vec f, Vec d)
-{
-  const LatinStructure base = step->base;
-  const PetscInt       dim  = base->dim;
-  Vec                  local[2];
-  PetscScalar         *a[2];
-
-  PetscFunctionBegin;
-  for (PetscInt k = 0; k < 2; k++) PetscCall(DMGetLocalVector(step->dm, &local[k]));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(VecZeroEntries(local[k]));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(VecGetArray(local[k], &a[k]));
-  for (PetscInt l = 0; l < base->links_local; l++) {
-    const PetscReal *n = base->direction + dim * l;
-
-    if (LatinLaws[base->law[l]].rigid) continue;
-    for (PetscInt i = 0; i < 2 * dim; i++) {
-      const PetscInt at = dim * base->ends[2 * l + i / dim] + i % dim;
-
-      a[0][at] += (i < dim ? 1.0 : -1.0) * n[i % dim] * LatinStructureTension(base, NULL, l, step->e0[l]);
-      a[1][at] += PetscSqr(n[i % dim]) * LatinStructureTangent(base, l, step->e0[l]);
-    }
-  }
-  for (PetscInt k = 0; k < 2; k++) PetscCall(VecRestoreArray(local[k], &a[k]));
-  PetscCall(DMLocalToGlobal(step->dm, local[0], ADD_VALUES, f));
-  PetscCall(DMLocalToGlobal(step->dm, local[1], ADD_VALUES, d));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(DMRestoreLocalVector(step->dm, &local[k]));
-  PetscFunctionReturn(0);
-}
-
-/* *flight: largest displacement in the step, of supports, and of nodes without the forces of rigid links and of neighbours. Collective on step */
+/* *flight: largest displacement in the step, with strains step->e0 at its start, of supports, and of nodes on which elastic links act as at the start, and no rigid ones. Collective on step */
 static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
 {
-  Vec                w, d, local;
+  Vec                w, none, local;
+  PetscReal         *tension;
   const PetscScalar *a;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(step->dm, &w));
-  PetscCall(DMGetGlobalVector(step->dm, &d));
+  PetscCall(DMGetGlobalVector(step->dm, &none));
   PetscCall(DMGetLocalVector(step->dm, &local));
-  PetscCall(VecCopy(step->load, w));
-  PetscCall(VecCopy(step->ground, d));
-  PetscCall(LatinStepElastic_Private(step, w, d));
-  PetscCall(VecPointwiseDivide(w, w, d));
+  PetscCall(DMGetWorkArray(step->dm, step->base->links_local, MPIU_REAL, &tension));
+  for (PetscInt l = 0; l < step->base->links_local; l++) tension[l] = LatinLaws[step->base->law[l]].rigid ? 0.0 : LatinStructureTension(step->base, NULL, l, step->e0[l]);
+  PetscCall(VecZeroEntries(none));
+  PetscCall(LatinStructureForces_Private(step, tension, none, step->load, w));
+  PetscCall(VecPointwiseDivide(w, w, step->ground));
   PetscCall(LatinStructureGetLocal_Private(step, step->vertex_prescribed, w, local));
   PetscCall(VecGetArrayRead(local, &a));
   for (PetscInt i = 0; i < step->dim * (step->vertices - step->unlinked); i++) *flight = PetscMax(*flight, PetscAbsScalar(a[i]));
   PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreWorkArray(step->dm, step->base->links_local, MPIU_REAL, &tension));
   PetscCall(DMRestoreLocalVector(step->dm, &local));
-  PetscCall(DMRestoreGlobalVector(step->dm, &d));
+  PetscCall(DMRestoreGlobalVector(step->dm, &none));
   PetscCall(DMRestoreGlobalVector(step->dm, &w));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flight, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)step)));
   PetscFunctionReturn(0);
