@@ -8,12 +8,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc.laws import Law
-from latinpc.results.mechanics import elongations
+from latinpc.results.mechanics import elongations, tensions
 
 from .case import ACCURACY
 from .exact import solve_exactly
 
-CLOSED = 1e-4  # of the free flight of a step: smaller gaps are closed, as TS latin has it
+CLOSED = 1e-4  # of the flight of a step: smaller gaps are closed, as TS latin has it
 EPSILON = float(np.finfo(PETSc.RealType).eps)
 NOTHING = 16 * EPSILON  # of the strains: less is their rounding
 STILL = EPSILON / 1e-4  # of the rest that is given: less is rounding of what has come to rest
@@ -41,7 +41,7 @@ def as_statics(scene, u, v):
     heavy = np.flatnonzero(scene.mass > 0)
     free = ~scene.fixed & (scene.mass > 0)[:, None]
     force = np.where(scene.fixed, 0.0, scene.load + scene.mass[:, None] * v / h)
-    flight = np.abs(force * h**2 / np.where(free, scene.mass[:, None], np.inf)).max(initial=0.0)
+    flight = np.abs(_elastic(scene, u, force) * h**2 / np.where(free, scene.mass[:, None], np.inf)).max(initial=0.0)
     x = elongations(scene, u) + scene.initial_elongation
     rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     kept = ~(rigid & (np.where(scene.law == Law.INEXTENSIBLE, -x, x) > CLOSED * flight))
@@ -59,6 +59,16 @@ def as_statics(scene, u, v):
         load=np.vstack([force, np.zeros((1, dim))]),
         subdomain=None, mass=None, velocity=None, friction=None,
     )  # fmt: skip
+
+
+def _elastic(scene, u, force):
+    """Return forces on the nodes with those of elastic links."""
+    elastic = ~np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT))
+    pull = np.where(elastic, tensions(scene, u), 0.0)[:, None] * scene.directions
+    both = force.copy()
+    np.add.at(both, scene.links[:, 0], pull)
+    np.subtract.at(both, scene.links[:, 1], pull)
+    return both
 
 
 def motion_error(case, scene, u, v, rest=0.0):
