@@ -67,6 +67,25 @@ def test_a_ramp_has_the_closed_form_with_the_order_of_the_scheme(what, options, 
     assert errors[1] < (2e-4 if order == 1 else 1e-6)
 
 
+@pytest.mark.parametrize("options", [{}, LARGE, ALPHA])
+def test_supports_that_move_have_their_velocity(options):
+    """Driven at 1 cm/s for half of the time, then held."""
+    scene, _ = ramp("support")
+    history = History([0.0, 1.0], [0.0, 1.0], Case("move", prescribed=[[0.01], [0.0]]))
+    frames = move(scene, 4, 0.5, options, every=1, history=history).frames
+    assert [frame.velocities[0, 0] for frame in frames] == pytest.approx([0.0, 0.01, 0.01, 0.0, 0.0])
+
+
+def test_a_step_that_fails_leaves_the_supports_where_they_were():
+    scene = make("lattice", nx=6, ny=3)
+    history = History([0.0, 1.0], [0.0, 1.0], Case("move", prescribed=0.01 * scene.fixed))
+    early = {"snes_max_it": 1, "snes_latin_newton": "never"}
+    motion = move(scene, 4, 0.5, early, mass=1.0, every=0, history=history)
+    assert not motion.converged
+    for values in (motion.frames[-1].displacements, motion.frames[-1].velocities):
+        assert not values[scene.fixed].any()
+
+
 def test_factors_stay_before_the_first_time_and_after_the_last():
     history = History([1.0, 2.0], [0.5, 3.0])
     assert [history.factor(time) for time in (0.0, 1.5, 9.0)] == [0.5, 1.75, 3.0]

@@ -64,6 +64,7 @@ class Acting:
         if not any(part is not None and part.any() for part in self.case.parts):
             raise ValueError(f"{scene.name} has no loads that could vary: give some, or a case that has actions")
         self.constant, self.whole = scene, self.case.applied(scene)
+        self._start = 0.0  # of the last step that began (s)
 
     def set(self, time, end=None):
         """Set the loads and initial elongations of a time (s), and the prescribed displacements of `end`."""
@@ -77,11 +78,18 @@ class Acting:
             factor = factor if end is None else self.history.factor(end)
             structure.set_prescribed(self.constant.prescribed + factor * prescribed)
 
+    def speeds(self, time):
+        """Return the mean velocities (n, dim) of supports in the last step that began, which ends at a time (s)."""
+        factors = self.history.factor(time) - self.history.factor(self._start)
+        moved = 0.0 if self.case.prescribed is None else factors * self.case.prescribed
+        return moved / (time - self._start)
+
     def before_step(self, ts):
         """Set what acts during a step: that of its end with implicit Euler, else that of its middle.
 
         Supports of TS latin move to their place at the end of the step; PETSc's integrators know but one place.
         """
         start, step, latin = ts.getTime(), ts.getTimeStep(), ts.getType() == "latin"
+        self._start = start
         euler = latin and self.structure.geometry != "large"
         self.set(start + (step if euler else 0.5 * step), start + step if latin else None)

@@ -207,6 +207,7 @@ class _Recorder:
         self.frames = []
         self.first_end = None  # clock after the first step
         self.seconds = 0.0  # spent here, not on the motion
+        self._speeds = 0.0  # of supports, in the last step that has converged
         self._steps, self._every, self._each_step = steps, every, each_step
         self._unilateral = np.isin(scene.law, UNILATERAL)
 
@@ -215,9 +216,11 @@ class _Recorder:
 
     def add_frame(self, number):
         """Keep the state after a step."""
+        if self.acting is not None:
+            self.acting.set(self.ts.getTime())  # a step that has failed has moved the supports
         u, v = self.ts.getSolution2()
         tensions = self._tensions(u)
-        velocities = np.where(self.scene.fixed, 0.0, self.structure.displacements(v))
+        velocities = np.where(self.scene.fixed, self._speeds, self.structure.displacements(v))
         moved, elongation = self.structure.displacements(u), self.structure.initial_elongation
         self.frames.append(Frame(number, self.ts.getTime(), moved, velocities, tensions, elongation))
 
@@ -228,6 +231,7 @@ class _Recorder:
             self.first_end = start
         if self.acting is not None:
             self.acting.set(self.ts.getTime())
+            self._speeds = self.acting.speeds(self.ts.getTime()) if number else 0.0
         u, v = self.ts.getSolution2()
         if number:
             self.past["iterations"].append(self.ts.getSNES().getIterationNumber())
