@@ -135,6 +135,9 @@ def test_command_varies_a_case_and_goes_on_from_a_checkpoint(tmp_path, ranks):
     reported(tmp_path, *words, "--num-steps", 7, "--checkpoint", "state", ranks=ranks)
     again = reported(tmp_path, *words, "--num-steps", 20, "--restart", "state", ranks=ranks)
     assert again["kinetic_energy"] == whole["kinetic_energy"]
+    drawn = [word for word in words if word != "--from-equilibrium"]
+    refused = latinpc("solve", *drawn, "--num-steps", 20, "--restart", "state", cwd=tmp_path, ranks=ranks, code=2)
+    assert "start from equilibrium differs" in said(refused)[0]
     (tmp_path / "h.csv").write_text("time,factor\n0,0\n")
     refused = latinpc("solve", *words, "--num-steps", 20, "--restart", "state", cwd=tmp_path, ranks=ranks, code=2)
     assert "history of loads differs" in said(refused)[0]

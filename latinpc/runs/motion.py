@@ -262,7 +262,7 @@ def _move(recorder, step, from_equilibrium):
     comm, snes = structure.comm.tompi4py(), ts.getSNES()
     acting = recorder.acting
     history = None if acting is None else [acting.history.times.tolist(), acting.history.factors.tolist()]
-    keeper.about(scene, length_of_a_step=step, history_of_loads=history)
+    keeper.about(scene, length_of_a_step=step, history_of_loads=history, start_from_equilibrium=from_equilibrium)
     ts.setPostStep(recorder.after_step)
     if ts.getType() == "latin":
         ts.setUp()  # a geometry that an option gives is that of the structure from here on
