@@ -1,11 +1,15 @@
 """Drawings whose lines miss each other by a little, and drawings without a unit."""
 
+from dataclasses import replace
+
 import pytest
 from command import latinpc as command
 from two_bars import write_dxf
 
 import latinpc
+from latinpc.errors import MAT_CH_ZRPVT
 from latinpc.files.misses import near_misses
+from latinpc.runs.solve import solve
 
 ROOF = "v 0 0 0\nv 8 0 0\nv 4 3 0\nv 4 0 0\nl 1 3\nl 3 2\nl 4 3\n"
 DRAWINGS = {
@@ -30,6 +34,15 @@ def test_a_mechanism_of_a_drawing_names_them(words, tmp_path):
     lines = command(*words, tmp_path / "roof.obj", *options, code=2).stderr.splitlines()
     assert lines[0] == f"latinpc: {said}" and "mechanism" in lines[1]
     assert command("solve", tmp_path / "roof.obj", *options, "--merge", 0.003).stdout
+
+
+@pytest.mark.parametrize("ask", [lambda roof: roof.solve(), latinpc.solve_cases, solve])
+def test_the_error_of_a_mechanism_has_its_code(ask, tmp_path):
+    (tmp_path / "roof.obj").write_text(ROOF + next(iter(DRAWINGS)))
+    roof = latinpc.read(tmp_path / "roof.obj", EA=1e6, support=["x=min", "x=max"])
+    with pytest.raises(latinpc.SolveError) as refused:
+        ask(replace(roof, cases=[latinpc.Case("none")]))
+    assert refused.value.ierr == MAT_CH_ZRPVT
 
 
 def test_a_drawing_without_a_unit_says_so(tmp_path):

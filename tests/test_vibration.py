@@ -3,6 +3,7 @@
 import json
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from conftest import run
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.scenes import make
 
 try:
     from slepc4py import SLEPc  # noqa: F401
@@ -417,6 +419,18 @@ def test_command_of_buckling_and_drawn_states():
         (("--buckling", "--node-mass", "2"), "--node-mass is for frequencies: leave out --buckling"),
     ):
         assert said in command("modes", *grid, *words, code=2).stderr
+
+
+@slepc
+def test_modes_that_have_not_converged_are_missing():
+    """The command ends with 1, as of a state that has not converged."""
+    few = {"modes_eps_max_it": 1, "modes_eps_ncv": 14}
+    net = replace(make("net", side=10, law="cable"), mass=10.0).solve()
+    assert net.modes(12).complete
+    with pytest.warns(latinpc.LatinWarning, match="0 of 12 modes have converged: raise -modes_eps_max_it"):
+        assert not net.modes(12, options=few).complete
+    words = "net --side 10 --law cable --node-mass 10 --number 12 -modes_eps_max_it 1 -modes_eps_ncv 14"
+    assert "0 of 12 modes have converged" in command("modes", *words.split(), code=1).stderr
 
 
 @slepc

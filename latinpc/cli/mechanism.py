@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from petsc4py import PETSc
 
-from latinpc.errors import error_message
+from latinpc.errors import MAT_CH_ZRPVT
 from latinpc.files.misses import near_misses
 from latinpc.results.notices import SolveError
 
@@ -22,7 +22,7 @@ def mechanism_explained(comm, scene, picture=None):
     try:
         yield
     except (PETSc.Error, SolveError) as error:
-        if comm.rank == 0 and "mechanism" in error_message(error):
+        if comm.rank == 0 and error.ierr == MAT_CH_ZRPVT:
             for text in near_misses(scene) if "file" in scene.metadata else ():
                 print(f"latinpc: {text}", file=sys.stderr)
         if comm.rank == 0 and picture is not None:

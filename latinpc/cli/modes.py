@@ -67,8 +67,7 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
             _print(found, [path for path in files.values() if path is not None])
         if not converged:
             print("latinpc: not converged: the modes are those of the last iterate", file=sys.stderr)
-    complete = converged and not any("have converged" in notice for notice in found.notices)
-    return 0 if complete else NOT_CONVERGED
+    return 0 if converged and found.complete else NOT_CONVERGED
 
 
 def _prepare(name, node_mass, files, number, mode, options):

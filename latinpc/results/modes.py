@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
@@ -52,6 +53,7 @@ class Modes:
     mechanisms: np.ndarray  #: (k,) of bool: zero stiffness, as far as rounding shows
     residuals: np.ndarray  #: (k,), of the eigenproblem, relative to its matrices
     notices: list[str] = field(default_factory=list)  #: sentences to read
+    complete: bool = True  #: all modes that there are, or that were asked for, have converged
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -246,7 +248,7 @@ def modes(
                 found = _frequencies(problem, number)
             found.notices += unread(structure.comm, [name for name in ours if name in given])
     except PETSc.Error as reported:
-        raise SolveError(errors.error_message(reported)) from None
+        raise SolveError(errors.error_message(reported), reported.ierr) from None
     finally:
         problem.destroy()
     for notice in found.notices:
@@ -339,7 +341,7 @@ def _solver(A, B, number, sinvert):
 
 
 def _solve(eps, wanted):
-    """Solve; return eigenvalues, vectors and residuals of the modes that converged, at most so many; collective."""
+    """Solve; return values, vectors and residuals of the modes that converged, a sentence on others; collective."""
     SLEPc = _slepc()
     eps.solve()
     found = min(eps.getConverged(), wanted)
@@ -384,7 +386,7 @@ def _lowest(problem, number, mass):
     if not moving:
         raise ValueError("no node that is free has a mass: give mass, in kg (on the command line --node-mass)")
     ratio = np.divide(K.getDiagonal().array, masses.array, out=np.zeros(masses.getLocalSize()), where=masses.array > 0)
-    largest = structure.comm.tompi4py().allreduce(float(np.abs(ratio).max(initial=0.0)), op=_maximum) or 1.0
+    largest = structure.comm.tompi4py().allreduce(float(np.abs(ratio).max(initial=0.0)), op=MPI.MAX) or 1.0
     SLEPc = _slepc()
     eps = _solver(K, M, min(number, moving), True)
     eps.setTarget(-SHIFT * largest)
@@ -397,10 +399,6 @@ def _lowest(problem, number, mass):
     return values, vectors, residuals, np.abs(values) <= MECHANISM * largest, negative, notices
 
 
-def _maximum(a, b):
-    return max(a, b)
-
-
 def _frequencies(problem, number):
     """Modes of vibration; collective."""
     structure = problem.structure
@@ -408,6 +406,7 @@ def _frequencies(problem, number):
         raise ValueError("frequencies need masses: give mass, in kg (on the command line --node-mass)")
     values, vectors, residuals, zero, negative, notices = _lowest(problem, number, structure.mass)
     found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
+    found.complete = not notices
     found.notices = notices + _mechanisms(found)
     if negative:
         found.notices.append(f"the state is not stable: {negative} modes have a negative stiffness")
@@ -468,6 +467,7 @@ def _factors(problem, number, load, base):
         eps.destroy()
     factors = [base - 1.0 / (largest * value) for value in values]
     found = problem.modes(True, factors, vectors, residuals=residuals, mechanisms=np.zeros(len(values), bool))
+    found.complete = not notices
     found.notices = notices if count else ["no positive factor: multiples of these loads do not buckle the state"]
     found.notices += slackening(found, rates, base)
     for thing in (G, f, moved):
@@ -494,5 +494,6 @@ def _refuse_unstable(problem):
     kind = "is a mechanism" if zero.any() else "is not stable"
     raise SolveError(
         f"no factors: the state {kind}, most at {found.structure.some_nodes(found.movers(0))}; solve for a stable"
-        " one first"
+        " one first",
+        errors.MAT_CH_ZRPVT if zero.any() else 0,
     )

@@ -73,6 +73,10 @@ class SolveError(RuntimeError):
 
     result: Result | None = None  #: the last iterate, None where there is none
 
+    def __init__(self, said: str, ierr: int = 0) -> None:
+        super().__init__(said)
+        self.ierr = ierr  #: PETSc's code of the error, 0 where there is none
+
 
 def warn(comm: PETSc.Comm, text: str, category: type[Warning] = LatinWarning) -> None:
     """Warn of the line that calls this package; rank 0 prints, and a filter that makes errors does on every rank."""
@@ -86,8 +90,7 @@ def warn(comm: PETSc.Comm, text: str, category: type[Warning] = LatinWarning) ->
 def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
     """Return sentences on how a solve has ended, where its solver or the links show why; collective."""
     notices, reason = [], snes.getConvergedReason()
-    ends = _no_equilibrium(snes, structure) if snes.getType() == "latin" and reason < 0 else []
-    none = any(text.startswith("no equilibrium") for text in ends)
+    none, ends = _no_equilibrium(snes, structure) if snes.getType() == "latin" and reason < 0 else (False, [])
     least = accuracy.rounding_floor(snes) if reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER else 0.0
     if least >= 1.0:
         notices.append(
@@ -117,19 +120,20 @@ def _given_up(snes):
 
 
 def _no_equilibrium(snes, structure):
+    """Return whether it is known that there is no equilibrium, and sentences on it."""
     (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
     named, one = structure.some_nodes(nodes, unsupported > len(nodes)), unsupported == 1
     if structure.geometry == "large":  # where not all of the loads are borne `limit` says so
         ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
         rigid = "lengths of inextensible cables" if (structure.law == Law.INEXTENSIBLE).any() else "gaps of contacts"
-        return [f"no equilibrium: the {rigid} are incompatible"] if ends else []
+        return ends, [f"no equilibrium: the {rigid} are incompatible"] if ends else []
     rubs = structure.comm.tompi4py().allreduce(bool((structure.law == Law.FRICTION).any()), op=MPI.LOR)
     ends = unsupported and np.isinf(distance)
     if rubs and not jammed and not ends:
         jammed, links = rubbing.jammed(structure)
     if jammed:
         rigid = structure.some_links(links, jammed > len(links))
-        return [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
+        return True, [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
     loose = "links that are slack or yield" if (structure.law >= len(Law)).any() else "slack links"
     if rubs and not unsupported and snes.getConvergedReason() == DTOL:
         moved = rubbing.sliding(snes, structure)
@@ -137,18 +141,16 @@ def _no_equilibrium(snes, structure):
         named = structure.some_nodes(nodes, len(moved) > _NAMED)
     if ends:
         held = "neither links nor friction hold" if rubs else f"{loose} no longer hold"
-        return [f"no equilibrium: {held} {named}"]
+        return True, [f"no equilibrium: {held} {named}"]
     if unsupported and rubs:
         they, them = ("it slides or falls", "it") if one else ("they slide or fall", "them")
         text = f"{they}, or it has not been found how friction holds {them}: no theorem says that it is"
-        return [f"contacts that bear do not hold {named}: {text}"]
+        return False, [f"contacts that bear do not hold {named}: {text}"]
     if unsupported:
         its, it = ("its load is", "it") if one else ("their loads are", "them")
         text = f"{its} small beside the stiffness of the links that stop {it}, or there is no equilibrium"
-        return [f"{loose} do not hold {named} yet: {text}"]
-    if rubs:
-        return ["contacts with friction: neither an equilibrium nor convergence is certain"]
-    return []
+        return False, [f"{loose} do not hold {named} yet: {text}"]
+    return False, ["contacts with friction: neither an equilibrium nor convergence is certain"] if rubs else []
 
 
 def _contrast(structure):
@@ -215,7 +217,7 @@ def errors_as_given(structure: Structure) -> Iterator[None]:
     except PETSc.Error as error:
         if structure.numbering is None:
             raise errors.of_library(error) from None
-        raise SolveError(structure.counted_as_given(errors.error_message(error))) from None
+        raise SolveError(structure.counted_as_given(errors.error_message(error)), error.ierr) from None
 
 
 @contextlib.contextmanager

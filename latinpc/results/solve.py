@@ -64,10 +64,10 @@ def solve(
             result = (found or gather)(structure, snes, core, u)
         except PETSc.Error as reported:
             text = structure.counted_as_given(errors.error_message(reported))
-            text = "; ".join([text, *structure.notices] if "mechanism" in text else [text])
+            text = "; ".join([text, *structure.notices] if reported.ierr == errors.MAT_CH_ZRPVT else [text])
             for option in asked:  # is an argument of this function
                 text = re.sub(rf"^-{option}\b", f"{option.removeprefix('snes_latin_')} (-{option})", text)
-            raise SolveError(text) from None
+            raise SolveError(text, reported.ierr) from None
         finally:
             snes.destroy()
             u.destroy()
