@@ -3,6 +3,7 @@
 import json
 import sys
 import types
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -410,6 +411,8 @@ def test_command_of_buckling_and_drawn_states():
     assert "0 links slack" in ended.stdout
     ended = run([LATINPC, "modes", "saddle", "--buckling"])
     assert "no positive factor" in ended.stderr and not ended.stdout  # no table without rows
+    warnings.simplefilter("default", ImportWarning)
+    filters = list(warnings.filters)
     for words, said in (
         ((), "need masses"),
         (("--buckling",), "take geometry='large'"),
@@ -419,6 +422,7 @@ def test_command_of_buckling_and_drawn_states():
         (("--buckling", "--node-mass", "2"), "--node-mass is for frequencies: leave out --buckling"),
     ):
         assert said in command("modes", *grid, *words, code=2).stderr
+    assert warnings.filters == filters  # of whoever calls the command
 
 
 @slepc

@@ -57,7 +57,8 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
     with progress(comm, quiet) as say:
         if say is not None:
             say(f"{scene.name}: solving, then {number} modes")
-        with mechanism_explained(comm, scene):
+        with mechanism_explained(comm, scene), warnings.catch_warnings():
+            warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
             converged, found = _compute(scene, number, buckling, drawn, options)
     on_root(comm, _write, found, files | {"json": json_file}, mode)
     if comm.rank == 0:
@@ -100,7 +101,6 @@ def _refuse_loads(name, options):
 def _compute(scene, number, buckling, drawn, options):
     """Return whether the state has converged, and its modes; collective."""
     try:
-        warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
         if drawn:
             structure = latinpc.Structure.from_scene(scene)
             return True, latinpc.modes(structure, number, buckling=buckling)
