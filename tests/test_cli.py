@@ -65,10 +65,11 @@ def test_info_names_the_kernels_of_openblas():
     assert re.search(rf"BLAS +OpenBLAS [\d.]+, kernels {kernels}$", text, re.MULTILINE)
 
 
-def test_help_of_cases_has_no_options_of_scenes():
+def test_help_of_cases_has_no_options_of_scenes_nor_of_one_case():
     assert "--modules" in latinpc("form", "--help").stdout
     text = latinpc("cases", "--help").stdout
     assert "--self-weight" in text and "--subdomains" in text and "--modules" not in text
+    assert "--case" not in text and "--case" in latinpc("solve", "--help").stdout
 
 
 def test_the_module_is_the_command():

@@ -63,6 +63,7 @@ def file_options(command, of_scenes=None):
         said = (of_scenes or {}).get(parameter, {})
         more = "".join(f"; {text} [{', '.join(names)}]" for text, names in said.items())
         how = {"type": SINGLE[parameter]} if parameter in SINGLE else {"multiple": True}
+        how["hidden"] = parameter == "case" and of_scenes is None  # latinpc cases takes all
         command = click.option(option, parameter, cls=FileOption, metavar=metavar, help=text + more, **how)(command)
     return command
 
