@@ -12,6 +12,7 @@ from latinpc import solvers
 from latinpc.laws import RIGID, Law
 
 from .mechanics import tensions_at
+from .mechanism import inverse_iteration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +26,6 @@ __all__ = ["bearing", "borne", "branches", "moving", "slackening", "softest", "u
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
-STILL = 1e-6  # change of the motion between two of them
 NAMED = 5  # links in a sentence
 PART = 0.5  # of the largest displacement: nodes that move
 
@@ -113,64 +113,46 @@ def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: boo
     kind : {"mechanism", "unstable", "soft"}
         Neither E nor G+ nor G- resists the mode; K does not, mu < 0; all do.
     """
-    K, M = structure.dm.createMat(), structure.dm.createMat()
+    K, M, both = (structure.dm.createMat() for _ in range(3))
     v, kind = structure.create_vec(), "soft"
     random = PETSc.Random().create(structure.comm)
     random.setFromOptions()
     v.setRandom(random)
-    with contextlib.suppress(PETSc.Error):
+    try:
         structure.jacobian(u, K)
         structure.geometric_stiffness(u, np.abs(tensions) - tensions, M)
         M.axpy(1.0, K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if drawn:
-            still = _inverse(M, None, v)
-            if still <= SHIFT * _mean(M):
+            if _least(M, v) <= SHIFT * _mean(M):
                 kind = "mechanism"
             else:
-                both = M.copy()
+                M.copy(both)
                 both.axpy(1.0, K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
                 v.setRandom(random)
-                kind = "unstable" if _inverse(both, M, v) < 1.0 else kind  # K + M has mu + 1, never negative
+                kind = "unstable" if _least(both, v, M) < 1.0 else kind  # K + M has mu + 1, never negative
         if kind == "soft":
-            _inverse(K, M, v)
+            _least(K, v, M)
         mode = structure.displacements(v) - structure.prescribed
         size = np.linalg.norm(mode, axis=1).max(initial=0.0)
         return (mode / size if np.isfinite(size) and size > 0.0 else None), kind
-    return None, kind
+    except PETSc.Error:
+        return None, kind
+    finally:
+        for thing in (K, M, both, v, random):
+            thing.destroy()
+
+
+def _least(A, v, B=None):
+    """Find the least mu in A v = mu B v from v, and v, where A may be singular; collective."""
+    return inverse_iteration(A, v, SHIFT * _mean(A), STEPS, B)
 
 
 def _mean(A):
     """Return the mean of a diagonal; collective."""
     diagonal = A.getDiagonal()
-    return diagonal.sum() / max(diagonal.getSize(), 1)
-
-
-def _inverse(A, B, v):
-    """Find the least mu in A v = mu B v, without B in A v = mu v, by inverse iteration from v; collective."""
-    if _mean(A) == 0.0:  # slack links have no stiffness: all nodes move
-        v.set(1.0)
-        return 0.0
-    ksp, shifted, b, w = PETSc.KSP().create(A.getComm()), A.copy(), v.duplicate(), v.duplicate()
-    shifted.shift(SHIFT * _mean(A))  # a mechanism has no stiffness at all
-    ksp.setOperators(shifted)
-    ksp.setType("preonly")
-    ksp.getPC().setType("lu")
-    if solvers.has_package("mumps"):
-        ksp.getPC().setFactorSolverType("mumps")
-    for _ in range(STEPS):
-        v.normalize()
-        v.copy(b) if B is None else B.mult(v, b)
-        ksp.solve(b, w)
-        w.normalize()
-        v.axpy(-np.sign(v.dot(w)), w)
-        still = v.norm() <= STILL
-        w.copy(v)
-        if still:
-            break
-    A.mult(v, w)
-    energy = w.dot(v)
-    v.copy(b) if B is None else B.mult(v, b)
-    return energy / b.dot(v)
+    mean = diagonal.sum() / max(diagonal.getSize(), 1)
+    diagonal.destroy()
+    return mean
 
 
 def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]:

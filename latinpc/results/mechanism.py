@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc import solvers
 from latinpc.laws import Law
 
 from .mechanics import slack
 
 SOFT = 1e-13  # of the largest diagonal of B^t B: what rounding leaves of a stiffness of zero
-ROUNDS = 3  # of inverse iteration
+ROUNDS = 3  # of inverse iteration: by rounding, more turn a motion into others that nothing resists
+STILL = 1e-6  # change of a motion between two rounds
 
 
 def bearing(scene, tensions=None):
@@ -46,13 +48,7 @@ def free_motion(scene, load=None, bears=None):
     if not len(rows):
         return None
     stiffness = _stiffness(scene, rows, np.ones(len(scene.links), bool) if bears is None else bears)
-    shifted, x, b = stiffness.copy(), stiffness.createVecRight(), stiffness.createVecLeft()
-    soft = SOFT * max(stiffness.getDiagonal().max()[1], 1.0)
-    shifted.shift(soft)
-    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-    ksp.setOperators(shifted)
-    ksp.setType("preonly")
-    ksp.getPC().setType("lu")
+    x, soft = stiffness.createVecRight(), SOFT * max(stiffness.getDiagonal().max()[1], 1.0)
     try:
         force = np.asarray(scene.load if load is None else load, dtype=float).ravel()[rows]
         noise = np.random.default_rng(0).standard_normal(len(rows))
@@ -60,21 +56,50 @@ def free_motion(scene, load=None, bears=None):
         x.setArray(
             noise / np.linalg.norm(noise) if size == 0.0 else force / size + 1e-3 * noise / np.linalg.norm(noise)
         )
-        for _ in range(ROUNDS):
-            x.copy(b)
-            ksp.solve(b, x)
-            x.normalize()
-        stiffness.mult(x, b)
-        found = x.getArray().copy()
-        if not np.isfinite(found).all() or abs(b.dot(x)) > 10.0 * soft:
+        least, found = inverse_iteration(stiffness, x, soft, ROUNDS), x.getArray().copy()
+        if not np.isfinite(found).all() or abs(least) > 10.0 * soft:
             return None
     finally:
-        for thing in (ksp, stiffness, shifted, x, b):
-            thing.destroy()
+        stiffness.destroy()
+        x.destroy()
     motion = np.zeros(scene.fixed.size)
     motion[rows] = found
     motion = motion.reshape(scene.fixed.shape)
     return motion / np.linalg.norm(motion, axis=1).max()
+
+
+def inverse_iteration(A, v, shift, rounds, B=None):
+    """Find the least mu in A v = mu B v, without B in A v = mu v, by inverse iteration from v; collective.
+
+    The shift is added to the diagonal of A: a mechanism has no stiffness at all.
+    """
+    if shift == 0.0:  # slack links have none either: all nodes move
+        v.set(1.0)
+        return 0.0
+    ksp, shifted, b, w = PETSc.KSP().create(A.getComm()), A.copy(), v.duplicate(), v.duplicate()
+    try:
+        shifted.shift(shift)
+        ksp.setOperators(shifted)
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+        if solvers.has_package("mumps"):
+            ksp.getPC().setFactorSolverType("mumps")
+        for _ in range(rounds):
+            v.normalize()
+            v.copy(b) if B is None else B.mult(v, b)
+            ksp.solve(b, w)
+            w.normalize()
+            v.axpy(-np.sign(v.dot(w)), w)
+            still = v.norm() <= STILL
+            w.copy(v)
+            if still:
+                break
+        A.mult(v, w)
+        v.copy(b) if B is None else B.mult(v, b)
+        return w.dot(v) / b.dot(v)
+    finally:
+        for thing in (ksp, shifted, b, w):
+            thing.destroy()
 
 
 def _stiffness(scene, rows, bears):
