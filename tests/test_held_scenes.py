@@ -11,7 +11,7 @@ from test_cli import said
 from test_scenes import HELD, SMALL
 
 import latinpc
-from latinpc.results.limit import softest
+from latinpc.results.limit import moving, softest
 from latinpc.scenes import SCENES, Law, Scene, make
 
 
@@ -143,6 +143,10 @@ def test_the_motion_of_a_mechanism():
         assert kind == expected
         if tension <= 0.0:
             assert abs(mode) == pytest.approx(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), abs=1e-6)
+
+
+def test_nodes_that_move_alike_are_named_in_their_order():
+    assert moving(np.array([[0.6, 0.0], [2.0 - 1e-9, 0.0], [0.0, -2.0], [0.0, 1.2]])).tolist() == [1, 2, 3]
 
 
 def test_a_mechanism_with_large_displacements_is_called_one():

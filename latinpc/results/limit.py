@@ -197,9 +197,10 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
 
 
 def moving(mode: np.ndarray) -> np.ndarray:
-    """Return the nodes that a mode moves most, those that it moves furthest first."""
+    """Return the nodes that a mode moves most, those that it moves furthest first, alike ones in their order."""
     size = np.linalg.norm(mode, axis=1)
-    return np.argsort(-size, kind="stable")[: np.count_nonzero(size >= PART * size.max())]
+    size = (size / (size.max() or 1.0)).round(6)
+    return np.argsort(-size, kind="stable")[: np.count_nonzero(size >= PART)]
 
 
 def slackening(found: Modes, rates: np.ndarray, base: float) -> list[str]:

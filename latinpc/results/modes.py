@@ -17,7 +17,7 @@ from latinpc.arrays import Slices
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options
 
-from .limit import slackening
+from .limit import moving, slackening
 from .notices import SolveError, warn
 from .unread import unread
 
@@ -86,9 +86,7 @@ class Modes:
 
     def movers(self, mode: int) -> list[int]:
         """Return the nodes that move most in a mode, at least half as far as the farthest."""
-        size = np.linalg.norm(self.shapes[mode], axis=1)
-        order = np.argsort(-size.round(6), kind="stable")[:_NAMED]
-        return [int(node) for node in order if size[node] >= 0.5]
+        return moving(self.shapes[mode])[:_NAMED].tolist()
 
     def label(self, mode: int) -> str:
         """Return the frequency or factor of a mode in words."""

@@ -12,6 +12,7 @@ from latinpc.arrays import Slices
 from latinpc.laws import UNILATERAL, Law
 from latinpc.library import _latin
 
+from .limit import moving
 from .mechanics import elongations
 from .mechanism import bearing, free_motion
 
@@ -24,7 +25,6 @@ MOST = 10_000  # links: their solve without friction takes seconds
 LITTLE = 1e-8  # coefficient of friction, whose forces are rounding; of more the solver itself finds out
 SLIDES = 1e-6  # of the limit of friction: a tangential force that is nearer to it holds nothing
 STOPS = 1e-9  # of a motion: elongations that are smaller are rounding
-PART = 0.5  # of the largest displacement: nodes that move
 
 
 def jammed(structure: Structure) -> tuple[int, list[int]]:
@@ -82,4 +82,4 @@ def sliding(snes: PETSc.SNES, structure: Structure) -> list[int]:
     taken = float((most * np.linalg.norm(change[parts], axis=1)).sum())
     if stopped.any() or abs(work) <= taken * (1.0 + SLIDES):
         return []
-    return np.flatnonzero(np.linalg.norm(motion, axis=1) >= PART).tolist()
+    return moving(motion).tolist()
