@@ -232,6 +232,13 @@ class Leaning:
         self.across = (drawn / structure.lengths)[:, None] * across
 
 
+def shape(scene, displacements, geometry):
+    """Return what forces balance on: a scene or structure as drawn, or where links turn as displaced."""
+    if geometry == "linear":
+        return scene
+    return (Turned if geometry == "large" else Leaning)(scene, displacements)
+
+
 def _pull(scene, tensions):
     """Return the forces (m, dim) of the links on their first nodes."""
     return tensions[:, None] * scene.directions + getattr(scene, "across", 0.0)

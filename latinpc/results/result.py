@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import tables
-from .mechanics import Balance, Leaning, Turned, balance, gaps, reactions, slack, stresses, utilisations
+from .mechanics import Balance, Leaning, Turned, balance, gaps, reactions, shape, slack, stresses, utilisations
 from .report import Reported, plain
 from .summary import summary
 
@@ -94,10 +94,7 @@ class Result(Reported):
 
     @cached_property
     def _shape(self) -> Structure | Turned | Leaning:
-        """The structure that forces balance on: as drawn, or where links turn as displaced."""
-        if self.geometry == "linear":
-            return self.structure
-        return (Turned if self.geometry == "large" else Leaning)(self.structure, self.displacements)
+        return shape(self.structure, self.displacements, self.geometry)
 
     @cached_property
     def gap(self) -> np.ndarray | None:

@@ -13,7 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc.results.caselist import HEADER, extremes, rows, text, title
-from latinpc.results.mechanics import Leaning, Turned, reactions, stresses, unbalanced, utilisations
+from latinpc.results.mechanics import reactions, shape, stresses, unbalanced, utilisations
 from latinpc.results.report import plain, problem
 from latinpc.results.result import Result
 from latinpc.scenes.case import Case
@@ -159,11 +159,8 @@ class Cases(Mapping):
         return utilisations(self.scene, self.tensions)
 
     def _shape(self, number):
-        """Return what forces balance on in a case: the structure as drawn, or where links turn as displaced."""
-        if self.geometry == "linear":
-            return self.scene
-        applied = self.actions[number].applied(self.scene)
-        return (Turned if self.geometry == "large" else Leaning)(applied, self.displacements[number])
+        scene = self.scene if self.geometry == "linear" else self.actions[number].applied(self.scene)
+        return shape(scene, self.displacements[number], self.geometry)
 
     def envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the lowest and the highest force of each link, and the cases that give them.
