@@ -85,7 +85,7 @@ def _write(result, json_file, csv_file, reactions, picture):
             write_envelope(csv_file, result)
         if reactions is not None:
             write_reactions(reactions, result)
-        if picture is not None and any(case["converged"] for case in result.report["cases"]):
+        if picture is not None and result.good.any():
             draw_envelope(result, picture)
 
 

@@ -64,9 +64,9 @@ def extremes(cases):
 
 def _worst(cases):
     """Return lines on the largest stress and utilisation of the cases that have converged, where they are known."""
-    lines, good = [], np.array([case["converged"] for case in cases.report["cases"]], dtype=bool)
+    lines = []
     for label, values in (("stress", cases.stress), ("utilisation", cases.utilisation)):
-        values = None if values is None else np.where(good[:, None], values, np.nan)
+        values = None if values is None else np.where(cases.good[:, None], values, np.nan)
         if values is None or np.isnan(values).all():
             continue
         case, link = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
@@ -80,10 +80,9 @@ def _worst(cases):
 def _reactions(cases):
     """Return a line on the reactions: their range along each axis, and the largest one."""
     scene, (lowest, highest, *_) = cases.scene, cases.reaction_envelope()
-    good = np.array([case["converged"] for case in cases.report["cases"]], dtype=bool)
-    if not scene.fixed.any() or not good.any():
+    if not scene.fixed.any() or not cases.good.any():
         return []
-    size = np.where(good[:, None], np.linalg.norm(cases.reactions, axis=2), 0.0)
+    size = np.where(cases.good[:, None], np.linalg.norm(cases.reactions, axis=2), 0.0)
     case, node = np.unravel_index(size.argmax(), size.shape)
     ranges = [
         f"{axis} from {quantity(low[held].min(), 'N')} to {quantity(high[held].max(), 'N')}"

@@ -49,7 +49,7 @@ def envelope_table(cases):
     """
     scene, names = cases.scene, np.array([*cases.names, ""], dtype=object)  # -1: no case has converged
     lowest, highest, low, high = cases.envelope()
-    slack = cases.slack & np.array([case["converged"] for case in cases.report["cases"]])[:, None]
+    slack = cases.slack & cases.good[:, None]
     loose = np.array(["; ".join(names[:-1][column]) for column in slack.T], dtype=object)
     columns = (
         np.arange(len(scene.links)), *scene.links.T, scene.laws, lowest, names[low], highest,
@@ -115,7 +115,7 @@ def envelope_figure(cases):
     """
     scene, seen = cases.scene, drawn_links(cases.scene)
     lowest, highest, *_ = cases.envelope()
-    often, good = cases.slack_cases() * np.isin(scene.law, UNILATERAL), len(cases.names) - len(_bad(cases))
+    often, good = cases.slack_cases() * np.isin(scene.law, UNILATERAL), np.count_nonzero(cases.good)
     always, sometimes = (often == good) & (often > 0), (often > 0) & (often < good)
     points, ends = plane_points(scene.nodes), scene.links[seen]
     stands = supports(scene.fixed, points, ends)
@@ -155,16 +155,11 @@ def _slack_keys(always, sometimes, dashed):
     return found
 
 
-def _bad(cases):
-    """Return the names of the cases that have not converged."""
-    return [case["name"] for case in cases.report["cases"] if not case["converged"]]
-
-
 def _titles(figure, cases, good):
     """Write the name of the scene, and how many cases it is the envelope of."""
     title = f"{cases.scene.name}: envelope of {counted(good, 'load case')}"
     figure.text(0.02, 0.945, title, fontsize=14, weight="bold", parse_math=False)
-    bad = _bad(cases)
+    bad = [name for name, good in zip(cases.names, cases.good) if not good]
     if bad:
         text = f"not converged, left out: {', '.join(bad)}"
         figure.text(0.02, 0.905, text, fontsize=10, color=STAMP_COLOUR, parse_math=False)

@@ -23,7 +23,7 @@ def too_far(cases: Cases) -> list[str]:
     """Return what a solve by itself says of cases whose displacements are too large for it, the farthest case first."""
     said = {}
     rows = cases.report["cases"]
-    for number in sorted(_converged(cases), key=lambda case: -rows[case]["displacement"]):
+    for number in sorted(np.flatnonzero(cases.good), key=lambda case: -rows[case]["displacement"]):
         found = _alone(cases, number)
         for notice in [*(turned(found) or changed(found)), *magnitudes(found)]:
             kind = notice.split()[0]  # amounts differ from case to case
@@ -36,7 +36,7 @@ def too_far(cases: Cases) -> list[str]:
 
 def free(cases: Cases) -> list[str]:
     """Return what a solve by itself says of nodes that slack or yielding links leave free, once for alike cases."""
-    return _grouped({cases.names[number]: loose(_alone(cases, number)) for number in _converged(cases)})
+    return _grouped({cases.names[number]: loose(_alone(cases, number)) for number in np.flatnonzero(cases.good)})
 
 
 def stretched(cases: Cases) -> list[str]:
@@ -54,11 +54,6 @@ def _grouped(found):
         for notice in notices:
             said.setdefault(notice, []).append(name)
     return [f"case{'s' if len(names) > 1 else ''} {_some(names)}: {notice}" for notice, names in said.items()]
-
-
-def _converged(cases):
-    """Return the numbers of the cases that have converged."""
-    return np.flatnonzero([row["converged"] for row in cases.report["cases"]])
 
 
 def _some(names):

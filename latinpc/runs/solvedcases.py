@@ -48,10 +48,11 @@ class Cases(Mapping):
     @property
     def converged(self) -> bool:
         """Whether all cases have converged."""
-        return bool(self._good.all())
+        return bool(self.good.all())
 
     @property
-    def _good(self) -> np.ndarray:
+    def good(self) -> np.ndarray:
+        """(cases,) array of bool: which have converged."""
         return np.array([case["converged"] for case in self.report["cases"]], dtype=bool)
 
     def __getitem__(self, name: str) -> Result:
@@ -188,7 +189,7 @@ class Cases(Mapping):
 
     def _extremes(self, values):
         """Return the lowest and the highest of values (cases, ...) over the cases that have converged, and which."""
-        good = np.flatnonzero(self._good)
+        good = np.flatnonzero(self.good)
         if not good.size:
             none, nowhere = np.full(values.shape[1:], np.nan), np.full(values.shape[1:], -1)
             return none, none, nowhere, nowhere
@@ -203,4 +204,4 @@ class Cases(Mapping):
 
     def slack_cases(self) -> np.ndarray:
         """Return for each link the number of cases in which it bears nothing, (m,) of int."""
-        return (self.slack & self._good[:, None]).sum(axis=0)
+        return (self.slack & self.good[:, None]).sum(axis=0)
