@@ -370,6 +370,11 @@ def outer_snes(snes: PETSc.SNES) -> PETSc.SNES:
     return _latin.outer_snes(snes)
 
 
+def iterating(snes: PETSc.SNES) -> PETSc.SNES:
+    """Return what iterates in a SNES: one of type latin itself would compute a residual for its monitors."""
+    return outer_snes(snes) if snes.getType() == "latin" else snes
+
+
 def save_state(
     solver: PETSc.SNES | PETSc.TS, path: str | os.PathLike, u: PETSc.Vec | None = None, note: bytes = b""
 ) -> None:

@@ -20,7 +20,7 @@ from latinpc.runs.checkpoint import Keeper
 from latinpc.runs.history import History
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
-from latinpc.solvers import has_package, outer_snes
+from latinpc.solvers import has_package, iterating
 
 from .arguments import PRESETS
 from .mechanism import mechanism_explained
@@ -226,13 +226,8 @@ def _solve(scene, subdomains, run, say, keeper):
         digits=run["digits"],
         increments=1 if run["increments"] is None else run["increments"],
         keeper=keeper,
-        before_solve=None if say is None else lambda snes: _iterating(snes).setMonitor(monitor),
+        before_solve=None if say is None else lambda snes: iterating(snes).setMonitor(monitor),
     )
-
-
-def _iterating(snes):
-    """Return what iterates: SNES latin itself would compute a residual for its monitors."""
-    return outer_snes(snes) if snes.getType() == "latin" else snes
 
 
 def _move(scene, subdomains, run, say, files, keeper):

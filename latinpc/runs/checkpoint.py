@@ -134,7 +134,7 @@ class Keeper:
             self._signal = number
 
         # Python handles signals when it is its turn: once an iteration
-        (solvers.outer_snes(snes) if snes.getType() == "latin" else snes).setMonitor(lambda *_: None)
+        solvers.iterating(snes).setMonitor(lambda *_: None)
         before = {number: signal.signal(number, handle) for number in SIGNALS}
         try:
             yield
