@@ -120,7 +120,7 @@ def _write(found, files, mode):
         return
     if files["output"] is not None or files["picture"] is not None:
         from latinpc.results.drawing import save
-        from latinpc.results.modepictures import write_modes
+        from latinpc.results.vtk import write_modes
 
         if files["output"] is not None:
             write_modes(files["output"], found)

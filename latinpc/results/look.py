@@ -14,6 +14,7 @@ from .units import scaled
 COMPRESSION = LinearSegmentedColormap.from_list("compression", ["#fdbb84", "#fc8d59", "#d7301f", "#67000d"])
 TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#1764ab", "#08306b"])
 SLACK_COLOUR = "#c800a1"
+GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)  # what is drawn behind
 IDLE_COLOUR = "#c0c0c0"  # links without force
 NO_FORCE = 1e-6  # of the largest force
 LAW_COLOURS = ("#555555", "#1764ab", "#d7301f", "#1b9e77", "#7b3294", "#7b3294", "#7b3294")  # by number of `Law`

@@ -1,4 +1,4 @@
-"""Draw modes: shapes beside each other, one as an animation, all in a file for ParaView."""
+"""Draw modes: shapes beside each other, one as an animation."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from PIL import Image
 
 from .atomic import atomic
 from .drawing import axes_2d, axes_3d, draw_links, new_figure, plane_points
+from .look import GHOST_COLOUR
 from .mechanics import slack
 
 MOST = 9  # modes in a figure
 FAR = 0.12  # of the size of the structure: the largest displacement that is drawn
 FRAMES, SECONDS = 24, 0.05  # of an animation: in a period, each
-GHOST, COLOURS = (0.75, 0.75, 0.75, 0.8), "viridis"
+COLOURS = "viridis"
 
 
 def modes_figure(modes, count=None):
@@ -84,38 +85,5 @@ def _panel(figure, rectangle, modes, mode, amplitude):
     thin = float(np.clip(30.0 / np.sqrt(len(links)), 0.3, 1.3))
     loose = slack(structure, modes.tensions)
     colours = matplotlib.colormaps[COLOURS](0.9 * size[links].mean(axis=1))
-    draw_links(axes, state[links], [GHOST], 0.5 * thin, zorder=1)
+    draw_links(axes, state[links], [GHOST_COLOUR], 0.5 * thin, zorder=1)
     draw_links(axes, moved[links], colours, np.where(loose, 0.5, 1.0) * thin)
-
-
-def write_modes(path, modes):
-    """Write the state and the modes for ParaView: a ``.vtu`` file with the fields ``mode_1`` and so on.
-
-    Not collective: call it on one rank.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Replaced only once it is completely written.
-    modes : Modes
-    """
-    import meshio  # takes as long to load as all else
-
-    structure = modes.structure
-
-    def in_space(array):
-        whole = np.zeros((len(structure.nodes), 3))
-        whole[:, : structure.dim] = array
-        return whole
-
-    mesh = meshio.Mesh(
-        in_space(structure.nodes + modes.displacements),
-        [("line", np.asarray(structure.links, dtype=np.int64))],
-        point_data={f"mode_{mode + 1}": in_space(shape) for mode, shape in enumerate(modes.shapes)},
-        cell_data={
-            "tension": [np.asarray(modes.tensions, dtype=float)],
-            "slack": [slack(structure, modes.tensions).astype(np.int64)],
-        },
-    )
-    with atomic(path) as temporary:
-        meshio.vtu.write(temporary, mesh)

@@ -10,8 +10,8 @@ from latinpc.numbering import Numbering
 
 from .drawing import STAMP_COLOUR, axes_for, draw_links, plane_points, stamp
 from .limit import moving
-from .look import DASHES, SLACK_COLOUR, thinness, widths_of
-from .pictures import GHOST_COLOUR, NUMBERED, VISIBLE, Sketch, drawn_links
+from .look import DASHES, GHOST_COLOUR, SLACK_COLOUR, thinness, widths_of
+from .pictures import NUMBERED, VISIBLE, Sketch, drawn_links
 from .units import counted
 
 MOVES = 0.05  # of the largest displacement: less is not seen

@@ -30,6 +30,7 @@ from .drawing import (
     symbol_keys,
 )
 from .look import (
+    GHOST_COLOUR,
     MANY_LINKS,
     TOUCHING,
     Scale,
@@ -44,7 +45,6 @@ from .mechanics import slack
 from .symbols import MANY_SYMBOLS, arrows, supports
 from .units import counted, number, quantity, scaled
 
-GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)
 NUMBERED = 60  # nodes, up to which numbers are readable
 ROUNDING = 1e-12  # of the structure: displacements that are none
 VISIBLE = 0.08  # of the structure: how large displacements are drawn

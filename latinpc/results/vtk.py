@@ -1,4 +1,4 @@
-"""Write results for ParaView: .vtu files, and .pvd files of motions."""
+"""Write results for ParaView: .vtu files of states and modes, and .pvd files of motions."""
 
 from __future__ import annotations
 
@@ -49,39 +49,55 @@ def write_vtu(
         How displacements turned links, that of the scene when not given.
     """
     check_writable(path, (".vtu",))
+    of_nodes = {
+        "displacement": displacements,
+        "load": scene.load if load is None else load,
+        "fixed": scene.fixed,
+        "interface_class": np.full(len(scene.nodes), -1) if node_class is None else node_class,
+        "velocity": velocities,
+        "reaction": reactions,
+    }
+    of_links = {
+        "tension": tensions,
+        "elongation": stretches(scene, displacements, geometry),
+        "slack": slack(scene, tensions) if loose is None else loose,
+        "law": scene.law,
+        "subdomain": np.full(len(scene.links), -1) if subdomain is None else subdomain,
+        "stress": stress,
+        "utilisation": utilisation,
+    }
+    _write(path, scene.nodes, scene.links, of_nodes, of_links)
+
+
+def write_modes(path, modes):
+    """Write the state and the modes for ParaView: a ``.vtu`` file with the fields ``mode_1`` and so on.
+
+    Not collective: call it on one rank.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Replaced only once it is completely written.
+    modes : Modes
+    """
+    structure, of_nodes = modes.structure, {f"mode_{mode + 1}": shape for mode, shape in enumerate(modes.shapes)}
+    of_links = {"tension": modes.tensions, "slack": slack(structure, modes.tensions)}
+    _write(path, structure.nodes + modes.displacements, structure.links, of_nodes, of_links)
+
+
+def _write(path, nodes, links, of_nodes, of_links):
+    """Write links as lines, and arrays by name, those that are None left out: vectors in space, or numbers."""
     import meshio  # takes as long to load as all else
 
-    n, m = len(scene.nodes), len(scene.links)
+    def numbers(values):
+        values = np.asarray(values)
+        if values.ndim == 2:
+            return np.pad(values.astype(float), ((0, 0), (0, 3 - values.shape[1])))
+        return values.astype(float if values.dtype.kind == "f" else np.int64)
 
-    def in_space(array):
-        whole = np.zeros((n, 3))
-        whole[:, : np.shape(array)[1]] = array
-        return whole
-
-    def whole_numbers(array, size):
-        return np.full(size, -1, dtype=np.int64) if array is None else np.asarray(array, dtype=np.int64)
-
-    nodal = {"velocity": velocities, "reaction": reactions}
-    of_links = {"stress": stress, "utilisation": utilisation}
-    mesh = meshio.Mesh(
-        in_space(scene.nodes),
-        [("line", np.asarray(scene.links, dtype=np.int64))],
-        point_data={
-            "displacement": in_space(displacements),
-            "load": in_space(scene.load if load is None else load),
-            "fixed": in_space(scene.fixed),
-            "interface_class": whole_numbers(node_class, n),
-            **{name: in_space(values) for name, values in nodal.items() if values is not None},
-        },
-        cell_data={
-            "tension": [np.asarray(tensions, dtype=float)],
-            "elongation": [stretches(scene, displacements, geometry)],
-            "slack": [(slack(scene, tensions) if loose is None else loose).astype(np.int64)],
-            "law": [whole_numbers(scene.law, m)],
-            "subdomain": [whole_numbers(subdomain, m)],
-            **{name: [np.asarray(values, dtype=float)] for name, values in of_links.items() if values is not None},
-        },
-    )
+    of_nodes = {name: numbers(values) for name, values in of_nodes.items() if values is not None}
+    of_links = {name: [numbers(values)] for name, values in of_links.items() if values is not None}
+    mesh = meshio.Mesh(numbers(nodes), [("line", np.asarray(links, dtype=np.int64))], of_nodes, of_links)
     with atomic(path) as temporary:
         meshio.vtu.write(temporary, mesh)
 
