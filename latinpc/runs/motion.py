@@ -25,7 +25,7 @@ from .history import Acting
 from .report import environment
 
 GROWN = 0.1  # of the energy that has become kinetic, above which a growing energy is told
-UNBALANCED = 1e-3  # of the largest force, what massless nodes may start with
+UNBALANCED = 1e-3  # of the largest force: what massless nodes may start with, and what holds none of them
 NAMED = 6  # nodes in a sentence, at most
 FRAMES = 100  # states kept of a motion, at most, by default
 
@@ -367,4 +367,20 @@ def _failed(ts, structure):
     end = quantity(start + ts.getTimeStep(), "s", 6)
     step = f"step {ts.getStepNumber() + 1}, from {quantity(start, 's', 6)} to {end}"
     cause = structure.counted_as_given(solvers.step_cause(ts))
-    return f"{step}, has not converged: {reason_name(PETSc.SNES.ConvergedReason, reason)}. {cause}"
+    return (
+        f"{step}, has not converged: {reason_name(PETSc.SNES.ConvergedReason, reason)}. {_idle(ts, structure)}{cause}"
+    )
+
+
+def _idle(ts, structure):
+    """Return a sentence on nodes without mass whose links bear next to nothing where a step begins."""
+    if structure.geometry != "large":  # elsewhere the cause names nodes that links do not hold
+        return ""
+    tensions = np.abs(structure.tensions(ts.getSolution2()[0]))
+    idle = (structure.mass == 0.0) & ~structure.fixed.all(axis=1)
+    idle[structure.links[tensions > UNBALANCED * tensions.max()]] = False
+    nodes = np.flatnonzero(idle)
+    if not len(nodes):
+        return ""
+    named = structure.some_nodes(nodes[:NAMED], len(nodes) > NAMED)
+    return f"As it begins, links bear next to nothing at {named}, without mass: a small mass there helps. "
