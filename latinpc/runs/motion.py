@@ -134,8 +134,6 @@ def move(
         scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
     if scene.mass is None:
         raise ValueError(f"the scene {scene.name} has no masses: give every node one with --node-mass")
-    if not (scene.mass > 0.0)[~scene.fixed.all(axis=1)].any():
-        raise ValueError(f"the scene {scene.name} has masses on held nodes alone: give those that move a mass")
     step = scene.time_step if step is None else step
     if step is None:
         raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --time-step")
@@ -341,7 +339,9 @@ def _thrown(scene):
 
 
 def _massless(structure, ts):
-    """Return a sentence on nodes without mass that start out of balance, where no damping ever brings them to it."""
+    """Return a sentence on masses of held nodes alone, or on nodes without mass that swing for ever about balance."""
+    if not (structure.mass > 0.0)[~structure.fixed.all(axis=1)].any():
+        return ["masses are on held nodes alone: each step is an equilibrium; give nodes that move a mass"]
     if ts.getType() != "latin" or structure.geometry != "large" or np.all(structure.mass > 0.0):
         return []
     u, v = ts.getSolution2()[0], structure.create_vec()
