@@ -209,11 +209,10 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 static PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   loads;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinLoads_Private(snes, &loads));
-  data->large.balance = SNESLatinBalanceForce(data, loads);
+  PetscCall(SNESLatinLoads_Private(snes, &data->large.loads));
+  data->large.balance = SNESLatinBalanceForce(data, data->large.loads);
   PetscFunctionReturn(0);
 }
 

@@ -77,16 +77,17 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscFunctionReturn(0);
 }
 
-/* Root mean square differences of tensions a - b relative to those of b, none where b are what rounding of the lengths makes. Collective on structure */
-static PetscErrorCode LatinLargeDifference_Private(LatinStructure structure, const PetscReal a[], const PetscReal b[], PetscReal *difference)
+/* Root mean square differences of tensions a - b relative to those of b, none where without loads b are what rounding of the lengths makes. Collective on large->frame */
+static PetscErrorCode LatinLargeDifference_Private(const LatinLarge *large, const PetscReal a[], const PetscReal b[], PetscReal *difference)
 {
-  PetscReal sum[3] = {0.0, 0.0, 0.0};
+  const LatinStructure structure = large->frame->turns;
+  PetscReal            sum[3]    = {0.0, 0.0, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     sum[0] += PetscSqr(a[l] - b[l]);
     sum[1] += PetscSqr(b[l]);
-    for (PetscInt c = 0; c < structure->dim; c++) sum[2] += PetscSqr(structure->stiffness[l] * structure->span[structure->dim * l + c]);
+    for (PetscInt c = 0; c < structure->dim && !(large->loads > 0.0); c++) sum[2] += PetscSqr(structure->stiffness[l] * structure->span[structure->dim * l + c]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   *difference = sum[1] > PetscSqr(LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON) * sum[2] ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
@@ -116,7 +117,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
-  PetscCall(LatinLargeDifference_Private(structure, large->ahead, tension, tensions));
+  PetscCall(LatinLargeDifference_Private(large, large->ahead, tension, tensions));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   *tensions = PetscMin(1.0, PetscMax(*tensions, part * large->stretch));
   PetscFunctionReturn(0);
@@ -217,7 +218,7 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   for (PetscInt l = 0; l < structure->links_local; l++) large->softer += tension[l] > LatinStructureTangent(structure, l, strain[l]) ? 1 : 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &large->softer, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
-  PetscCall(LatinLargeDifference_Private(structure, tension, large->ahead, &large->stretch));
+  PetscCall(LatinLargeDifference_Private(large, tension, large->ahead, &large->stretch));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
 }

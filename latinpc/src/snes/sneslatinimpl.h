@@ -165,7 +165,7 @@ typedef struct {
   PetscInt   limit;              /* most iterations of a linear solve */
   PetscInt   proofs;             /* linear stages spent on residual norms that prove the error of a step */
   PetscReal  stretch;            /* relative change of the tensions by a step */
-  PetscReal  balance;            /* largest residual norm with that error */
+  PetscReal  balance, loads;     /* largest residual norm with that error; norm of the loads */
   PetscReal  size, tension;      /* of the structure; norm of its tensions at the start */
   PetscInt   last;               /* number of the last linear stage for these loads */
   PetscReal  reached;            /* part of the loads of which the displacements are the equilibrium */
