@@ -179,7 +179,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL; /* displacements that leap away hide any step */
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
     large->error = PetscMax(step, data->estimate.floor);
-    *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
+    *reason      = large->error <= data->target && fnorm <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
   } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
   else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
@@ -410,7 +410,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   large->slow     = (PetscBool)(reason == SNES_DIVERGED_MAX_IT || linear == KSP_DIVERGED_ITS);
   if (large->unstable) PetscCall(PetscInfo(snes, "The tangent stiffness is not positive definite\n"));
   PetscCall(PetscInfo(snes, "Newton's method ended with %s after %" PetscInt_FMT " linear iterations\n", SNESConvergedReasons[reason], stages));
-  *done = (PetscBool)(reason > 0 || reason == SNES_DIVERGED_LOCAL_MIN);
+  *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->turns->midpoint || large->force <= large->balance)));
   if (!*done) PetscFunctionReturn(0);
   if (reason < 0) PetscCall(PetscInfo(snes, "The requested error, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
   PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING)); /* a time step is one as far as rounding lets it */
