@@ -192,6 +192,23 @@ def test_the_command_tells_digits(capsys):
     assert " none: unbalance" in capsys.readouterr().out
 
 
+def test_where_the_nodes_of_a_given_direction_are():
+    """Rounded coordinates do not turn such a link, however near its nodes are to each other, or at one place."""
+    found = []
+    for apart in (1.0, 1e-11, 0.0):
+        structure = latinpc.Structure(
+            [[0, 1e3], [1, 1e3], [1, 1e3 + apart], [1, 1e3 - 1]], [[0, 1], [1, 2], [3, 1]], "bar", 1e3,
+            direction=[[0, 0], [1, 0], [0, 0]], fixed=[[1, 1], [0, 0], [1, 1], [1, 1]],
+            load=[[0, 0], [5, -3], [0, 0], [0, 0]], comm=PETSc.COMM_SELF,
+        )  # fmt: skip
+        snes = structure.create_snes()
+        snes.solve(None, structure.create_vec())
+        found.append(latinpc.digits(snes)["places"])
+        snes.destroy()
+    assert found == pytest.approx([found[0]] * 3, rel=1e-6)
+    assert found[0] < 1e-14
+
+
 # ---- misuse ----------------------------------------------------------------------------------
 def test_solution_structure_and_tangent_must_be_there():
     with latin(grid()) as run:

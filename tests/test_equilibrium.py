@@ -343,3 +343,32 @@ def test_the_indicator_alone_is_no_equilibrium(seed, number):
     assert not solve_exactly(scene).exists
     found = latinpc.Structure.from_scene(scene).solve(options={"snes_stol": 1e-8})
     assert not found.converged
+
+
+@pytest.mark.parametrize("seed", [21, 34, 64])
+def test_a_node_that_only_a_link_across_its_way_reaches(seed):
+    """A vertical bar does not hold a node that has slid sideways by the rounding of its direction: refused before."""
+    n, rng = 7, np.random.default_rng([1, seed])
+    ends = []
+    for k in range(n * n):
+        row, column = divmod(k, n)
+        ends += [[k, k + 1]] * (column < n - 1) + [[k, k + n]] * (row < n - 1)
+        ends += [[k, k + n + 1], [k + 1, k + n]] * (row < n - 1 and column < n - 1)
+    stiffness = 10 ** rng.uniform(2, 4, len(ends))
+    cables = rng.random(len(ends)) < 0.5
+    elongation = np.zeros(len(ends))
+    elongation[cables] = rng.uniform(0, 1e-3, cables.sum())
+    load = np.zeros((n * n, 2))
+    load[-1] = [1, -2]
+    tensions = []
+    for angle in (0.0, np.radians(10.0)):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        structure = latinpc.Structure(
+            np.array([divmod(k, n)[::-1] for k in range(n * n)]) @ turn, ends, cables.astype(int), stiffness,
+            initial_elongation=elongation, fixed=[[k < n] * 2 for k in range(n * n)], load=load @ turn,
+            comm=PETSc.COMM_SELF,
+        )  # fmt: skip
+        found = structure.solve()
+        assert found.converged
+        tensions.append(found.tensions)
+    assert far(*tensions) < 1e-3

@@ -357,6 +357,52 @@ if __name__ == "__main__":
     sys.exit(0)
 
 
+@pytest.mark.parametrize("slack", [0.001, 0.05])
+def test_a_weight_falls_whatever_a_massless_node_does(slack):
+    """Beside it a node without mass hangs from a cable that starts slack; the weight obeys the midpoint rule."""
+    k, mass, h = 1e3, 50.0, 0.03
+    structure = {
+        "nodes": [[0.0, 0.0], [0.0, -1.0], [2.0, 0.0], [2.0, -1.0]], "links": [[0, 1], [2, 3]], "law": "cable",
+        "stiffness": k, "initial_elongation": [-slack, 0.0], "fixed": [[1, 1], [0, 0], [1, 1], [0, 0]],
+        "mass": [0, 0, 0, mass], "load": [[0, 0], [0, -0.5], [0, 0], [0, -mass * G]], "comm": PETSc.COMM_SELF,
+    }  # fmt: skip
+    with motion(structure, h) as it:
+        fallen = velocity = 0.0
+        for _ in range(3):
+            it.step()
+            step = (h * velocity + h**2 / 2 * (G - k * fallen / mass)) / (1 + k * h**2 / (4 * mass))
+            fallen, velocity = fallen + step, 2 * step / h - velocity
+            assert it.u[3] == pytest.approx([0.0, -fallen], rel=1e-8)
+
+
+@pytest.mark.parametrize("how", ["structure", "option"])
+def test_a_geometry_chosen_after_the_set_up(how):
+    """It had been ignored, or taken without the error of motions with large displacements."""
+
+    def end(geometry):
+        structure = latinpc.Structure(
+            [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]], "bar", 1e4, fixed=[[1, 1], [0, 0], [0, 0]], mass=[1, 1, 1],
+            load=[[0, 0], [0, -1], [0, -3]], geometry=geometry, comm=PETSc.COMM_SELF,
+        )  # fmt: skip
+        ts = structure.create_ts()
+        ts.setTimeStep(0.01)
+        ts.setMaxSteps(20)
+        ts.setFromOptions()
+        ts.setUp()
+        if geometry == "linear" and how == "structure":
+            structure.set_geometry("large")
+        elif geometry == "linear":
+            ts.getSNES().setOptionsPrefix("late_")
+            PETSc.Options()["late_snes_latin_geometry"] = "large"
+            ts.getSNES().setFromOptions()
+            PETSc.Options().delValue("late_snes_latin_geometry")
+        u = ts.getSolution2()[0]
+        ts.solve(u)
+        return structure.displacements(u)
+
+    assert np.array_equal(end("linear"), end("large"))
+
+
 def test_a_step_too_long_to_be_found_ends_soon():
     """It had taken all of the 10,000 linear stages; the message says which step, and what to do."""
     scene = make("mast", wind=20000.0)

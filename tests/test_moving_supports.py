@@ -85,7 +85,7 @@ def test_supports_that_tear_a_rope_are_told():
             it.structure.set_prescribed([[0.0], [place], [0.0]])
             it.step(2)
         it.structure.set_prescribed([[0.0], [0.01], [0.0]])
-        assert "Link 0 (inextensible) has prescribed displacements" in message(it.step)
+        assert "The gaps of the rigid link 0 are incompatible: look at the supports that move" in message(it.step)
 
 
 @pytest.mark.parametrize("law", [Law.CONTACT, Law.INEXTENSIBLE, Law.FRICTION])
@@ -192,6 +192,36 @@ def test_a_pendulum_whose_pivot_moves():
             missed.append(np.abs(it.u[1] - exact).max())
     assert missed[1] < 5e-3
     assert missed[0] / missed[1] == pytest.approx(4.0, rel=0.1)
+
+
+def test_an_event_in_the_first_step():
+    """The step is made again, from where the supports were."""
+
+    def heights(threshold):
+        structure = latinpc.Structure(
+            [[0.0], [1.0]], [[0, 1]], "bar", 1e4, fixed=[[1], [0]], mass=[0, 1.0], comm=PETSc.COMM_SELF
+        )
+        u, v = structure.create_vec(), structure.create_vec()
+        structure.set_displacements([[0.0], [1.0]], v)
+        ts = structure.create_ts(u, v)
+        ts.setTimeStep(1e-3)
+        ts.setMaxTime(5e-3)
+        ts.setExactFinalTime(PETSc.TS.ExactFinalTime.MATCHSTEP)
+        ts.setPreStep(lambda ts: structure.set_prescribed([[ts.getTime() + ts.getTimeStep()], [0.0]]))
+        times = []
+        ts.setEventHandler(
+            [0], [False], lambda ts, t, u, f: f.__setitem__(0, structure.displacements(u)[1, 0] - threshold),
+            lambda ts, events, t, u, forward: times.append(t),
+        )  # fmt: skip
+        ts.setEventTolerances(1e-9)
+        ts.setFromOptions()
+        ts.solve(u)
+        return structure.displacements(u), times
+
+    end, times = heights(1e-4)
+    assert times == [pytest.approx(1e-4, rel=1e-2)]
+    assert end == pytest.approx(heights(10.0)[0], rel=1e-3)  # of steps that are not divided
+    assert np.isclose(end[0, 0], 5e-3)
 
 
 def job():

@@ -445,3 +445,35 @@ def test_contacts_on_several_ranks(mpirun):
     assert numbers[0] == pytest.approx(numbers[1], abs=2e-6)
     assert numbers[0] == pytest.approx(numbers[2], abs=2e-6)
     assert np.count_nonzero(numbers[0][:16:2]) not in (0, 8)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_loads_that_come_after_the_structure(unit):
+    """The search parameters are those of the loads that there are: as many stages, where they had been 10,000."""
+    n, rng = 6, np.random.default_rng(3)
+    bow = np.sin(np.pi * np.arange(n) / (n - 1))
+    nodes = np.array([[i, j, -0.1 * bow[i] * bow[j]] for i in range(n) for j in range(n)])
+    ends = np.array([[n * i + j, n * i + j + 1] for i in range(1, n - 1) for j in range(n - 1)])
+    ends = np.vstack([ends, [[n * i + j, n * i + j + n] for i in range(n - 1) for j in range(1, n - 1)]])
+    ends = np.vstack([ends, [[n * i + j, n * i + j + n + 1] for i in range(n - 1) for j in range(n - 1)]])
+    inner = np.array([0 < i < n - 1 and 0 < j < n - 1 for i in range(n) for j in range(n)])
+    along = np.diff(nodes[ends], axis=1)[:, 0]
+    pull = 1e3 * rng.random(len(ends))[:, None] * along / np.linalg.norm(along, axis=1)[:, None]
+    load = np.zeros_like(nodes)  # borne by these tensions
+    np.add.at(load, ends[:, 0], -pull)
+    np.add.at(load, ends[:, 1], pull)
+    load[~inner] = 0.0
+    stages = []
+    for first in (load, 0.0 * load, 1e4 * load):
+        structure = latinpc.Structure(
+            unit * nodes, ends, "inextensible", 0.0, initial_elongation=-1e-3 * unit,
+            fixed=np.repeat(~inner[:, None], 3, axis=1), load=first, comm=PETSc.COMM_SELF,
+        )  # fmt: skip
+        structure.set_load(load)
+        snes = structure.create_snes()
+        snes.setFromOptions()
+        snes.solve(None, structure.create_vec())
+        assert snes.getConvergedReason() > 0
+        stages.append(snes.getIterationNumber())
+        snes.destroy()
+    assert stages[0] == stages[1] == stages[2] < 1000

@@ -413,6 +413,19 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscFunctionReturn(0);
 }
 
+/* Before a solve: supports must not jam rigid links between them. The verdict is LATIN_JAMMED in a time step, which may fail; else it is an error. Collective on structure */
+PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure structure, LatinEquilibrium *found)
+{
+  PetscInt jam[LATIN_LISTED];
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckHeld_Private(structure, jam));
+  if (!structure->ground) PetscFunctionReturn(0);
+  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), jam[0] >= 0, jam, &found->links, found->link));
+  if (found->links) found->verdict = LATIN_JAMMED;
+  PetscFunctionReturn(0);
+}
+
 /*
    Runs damped stages from the initial state and tests their last increment of tensions for a jam: the verdict is LATIN_JAMMED then, else
    *found is unchanged. z and work: states, overwritten. Overwrites linear.U; restores the tensions of rigid links. Collective on latin

@@ -73,7 +73,7 @@ static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal
    tension is not counted, and the way that would strain it is closed; a rigid link that bears or touches closes both ways. each: sum of the
    absolute elongations by the components of the displacement; a link orthogonal to it does not hold. reach: magnitude of the numbers that are rounded
 */
-static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, LatinNode *at)
+static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, PetscReal whole, LatinNode *at)
 {
   const LatinStructure structure = latin->sub.structure;
   const PetscReal      sign      = LatinLawSign(structure->law[l]);
@@ -84,7 +84,7 @@ static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tens
     at->slack -= tension * own;
     if (sign * own > 0.0 || (rigid && own != 0.0)) at->closed[0] += 1.0;
     if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
-  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * each) {
+  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * whole) {
     at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
     at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each; /* rounding of the elongation, and of each component of the force */
     at->turns += PetscMax(0.0, PetscAbsReal(tension) - noise * latin->sub.link_stiffness[l]) * each;
@@ -136,7 +136,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
-    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0; /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
+    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0, whole = 0.0; /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
     LatinNode         *at;
 
     if (to[i] < first || to[i] >= last) continue;
@@ -145,6 +145,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       const PetscReal cosine = PetscAbsReal(n[c]);
 
       own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
+      whole += PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid || structure->law[l] > LATIN_LAW_TANGENT ? tension : 0.0)); /* a gap makes no force, and is infinite if a contact is not active in a step */
@@ -158,7 +159,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     at->tension += tension;
     at->bearing += rigid ? 0.0 : tension;
     at->gaps += k * (ends + (rigid && structure->ground ? 0.0 : e0)) + tension;
-    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, each, at);
+    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, each, whole, at);
     if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
   }
 }

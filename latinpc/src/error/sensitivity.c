@@ -49,17 +49,19 @@ static inline PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
   return LatinMix(((uint64_t)entity << 8) ^ (uint64_t)number) & 1 ? 1.0 : -1.0;
 }
 
-/* Adds to f the forces by the rotation of link l under random roundings of its coordinates, with its tension tau and its tangent stiffness k */
+/* Adds to f the forces by the rotation of link l under random roundings of its coordinates, with its tension tau and its tangent stiffness k; none turns a link of a direction of its own */
 static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt first, const PetscScalar a[], PetscReal tau, PetscReal k, PetscScalar f[])
 {
   LatinStructure   structure = around->structure;
   const PetscInt   dim = structure->dim, link = structure->links_start + l, *end = structure->ends + 2 * l;
   const PetscReal *n = structure->direction + dim * l, *xa = around->x + dim * end[0], *xb = around->x + dim * end[1];
-  PetscReal        turn[3] = {0.0, 0.0, 0.0}, length = 0.0, along = 0.0, stretch = 0.0;
+  PetscReal        turn[3] = {0.0, 0.0, 0.0}, apart[3], length = 0.0, along = 0.0, stretch = 0.0;
 
+  for (PetscInt c = 0; c < dim; c++) apart[c] = xb[c] - xa[c];
+  if (LatinStructureOwnDirection(structure, l, apart)) return;
   for (PetscInt c = 0; c < dim; c++) {
     turn[c] = LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first + 2 * c) * xa[c] + LatinDigitsSign(link, first + 2 * c + 1) * xb[c]);
-    length += PetscSqr(xb[c] - xa[c]);
+    length += PetscSqr(apart[c]);
     along += n[c] * turn[c];
   }
   length = PetscSqrtReal(length);

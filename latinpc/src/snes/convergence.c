@@ -5,8 +5,7 @@
    happens next.
 */
 
-#define LATIN_STEP_ERROR  10.0 /* error that the unbalance or missed gaps may show, relative to the stop on the indicator */
-#define LATIN_PROOF_EARLY 4.0  /* estimated error, relative to the one asked for, at which Newton's method takes over. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
+#define LATIN_PROOF_EARLY 4.0 /* estimated error, relative to the one asked for, at which Newton's method takes over. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
 
 /* PETSc's reason for the end of a solve; SNES_CONVERGED_ITERATING if it continues, or if snes->reason is set already (LATIN_NEXT_GIVEN) */
 SNESConvergedReason SNESLatinReason(LatinNext next)
@@ -192,9 +191,9 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   SNES_Latin     *data     = (SNES_Latin *)snes->data;
   const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
   const PetscBool balances = SNESLatinBalances(snes), statics = (PetscBool)!data->latin->sub.structure->ground;
-  const PetscBool step = (PetscBool)(statics && !balances && data->stop == LATIN_STOP_INDICATOR);
+  const PetscBool step = (PetscBool)(!balances && data->stop == LATIN_STOP_INDICATOR);
   const PetscBool left = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL), gaps = (PetscBool)(left && data->latin->sub.structure->rigid_law >= 0);
-  const PetscReal target = step ? PetscMax(LATIN_STEP_ERROR * snes->stol, PETSC_SQRT_MACHINE_EPSILON) : data->target;
+  const PetscReal target = step ? SNESLatinShown(snes->stol) : data->target;
   PetscReal       loads;
   PetscBool       far;
 

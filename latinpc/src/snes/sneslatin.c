@@ -47,7 +47,6 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   SNESLatinChooseStop(snes);
   PetscCheck(SNESLatinUnbalance(data) == PETSC_MAX_REAL || SNESLatinBalances(snes), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
              "-snes_latin_largest_unbalance belongs to statics with -snes_latin_stop auto, error or energy, without -snes_stol: leave one of them out; the stop residual has -snes_atol");
-  PetscCall(LatinStructureCheckHeld_Private(SNESLatinLarge(data) ? data->large.frame->turns : latin->sub.structure));
   PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
              LatinLaws[latin->sub.structure->rigid_law].name);
@@ -60,6 +59,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
   data->estimate.strict = data->target / SNESLatinTensionTarget(data);
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
+  PetscCall(LatinEquilibriumHeld_Private(SNESLatinLarge(data) ? data->large.frame->turns : latin->sub.structure, &data->found));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
   PetscCall(LatinParameterStart_Private(latin, &data->parameter));
   PetscCall(SNESLatinLargeStart_Private(snes));
@@ -69,7 +69,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   data->far                                              = 0.0;
   data->leapt                                            = PETSC_FALSE;
   data->residual                                         = 0.0;
-  data->next                                             = LATIN_NEXT_CONTINUE;
+  data->next                                             = data->found.verdict == LATIN_JAMMED ? LATIN_NEXT_DIVERGED : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 

@@ -306,6 +306,14 @@ static inline PetscBool SNESLatinLeft(SNES snes, PetscReal loads)
   return (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && structure->rigid_law < 0 && !structure->ground && !data->found.balanced && data->residual > PetscMax(SNESLatinResidualTarget(snes), data->found.rounding * loads));
 }
 
+#define LATIN_STEP_ERROR 10.0 /* error that the unbalance or missed gaps may show, relative to the stop on the indicator */
+
+/* The error that the unbalance or missed gaps may show where the indicator is the stop */
+static inline PetscReal SNESLatinShown(PetscReal stol)
+{
+  return PetscMax(LATIN_STEP_ERROR * stol, PETSC_SQRT_MACHINE_EPSILON);
+}
+
 #define LATIN_LARGE_NOWHERE 1e3 /* of the size of the structure: displacements that lead nowhere */
 
 #define LATIN_UNBALANCE_ROUNDING LatinByPrecision(1e-2, 10.0) /* largest bound of the rounding of the unbalance, relative to the loads: 20 to 110 times what rounding makes */

@@ -56,7 +56,8 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
     newton->error = newton->tensions = 0.0;
   }
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
-  shown                   = (PetscBool)((SNESLatinEstimates(data) && data->found.error > newton->target) || (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)));
+  shown                   = (PetscBool)((SNESLatinEstimates(data) && data->found.error > newton->target) || (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) ||
+                      (rigid && data->stop == LATIN_STOP_INDICATOR && data->found.missed > SNESLatinShown(newton->target)));
   if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown) *done = PETSC_FALSE;

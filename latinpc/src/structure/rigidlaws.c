@@ -12,7 +12,7 @@
 #define LATIN_RIGID_RUBS  0.1  /* factor on search parameters with friction: grains slip by more than their gaps */
 
 /* Checks contacts with friction: their parts must be consecutive, on one rank, with the same end nodes, an orthonormal frame and a coefficient. Collective on structure */
-static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
+PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
 {
   const PetscInt   dim = structure->dim, n = structure->links_local, *law = structure->law;
   const PetscReal *direction = structure->direction;
@@ -20,6 +20,7 @@ static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structu
   PetscInt         bad = -1, skew = -1, without = -1;
 
   PetscFunctionBegin;
+  if (!structure->rubs) PetscFunctionReturn(0);
   for (PetscInt l = 0, parts; l < n && bad < 0; l += parts) {
     parts = law[l] == LATIN_LAW_FRICTION ? dim : 1;
     if (law[l] == LATIN_LAW_TANGENT || l + parts > n) bad = l;
@@ -46,17 +47,15 @@ static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structu
 }
 
 /*
-   Checks rigid laws, and sets rigid_scale, the search parameter of rigid links without elastic neighbours: the mean stiffness of elastic
-   links; without any, the mean load of a loaded node over the mean gap. Called after each change of laws. Collective on structure
+   The search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without any, the mean
+   load of a loaded node over the mean gap, of the loads that there are now. Of a time step, that of its base. Collective on structure
 */
-PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
+static PetscErrorCode LatinRigidScale_Private(LatinStructure structure, PetscReal *scale)
 {
   const PetscInt dim    = structure->dim;
   PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
 
   PetscFunctionBegin;
-  if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (structure->rubs) PetscCall(LatinStructureCheckContacts_Private(structure));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinLaws[structure->law[l]].rigid) {
       if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
@@ -79,8 +78,8 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
     sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
     sum[3] = 1.0;
   }
-  structure->rigid_scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
-  if (structure->rubs && !(sum[1] > 0.0)) structure->rigid_scale *= LATIN_RIGID_RUBS;
+  *scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
+  if (structure->rubs && !(sum[1] > 0.0)) *scale *= LATIN_RIGID_RUBS;
   PetscFunctionReturn(0);
 }
 
@@ -92,13 +91,14 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 */
 PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal k[])
 {
-  PetscReal         *node, *vertex, *ground;
+  PetscReal         *node, *vertex, *ground, scale;
   Vec                local;
   const PetscScalar *g;
 
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(k, structure->stiffness, structure->links_local));
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(LatinRigidScale_Private(structure->base ? structure->base : structure, &scale));
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
     PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 at clamped vertices */
@@ -117,7 +117,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
     const PetscReal  ga = ground[structure->ends[2 * l]], gb = ground[structure->ends[2 * l + 1]];
     const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
 
-    if (LatinLaws[structure->law[l]].rigid) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : structure->rigid_scale;
+    if (LatinLaws[structure->law[l]].rigid) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : scale;
     /* one search parameter for all parts of a contact */
     if (structure->law[l] == LATIN_LAW_TANGENT) k[l] = k[l - 1];
   }
@@ -151,9 +151,10 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
 
 /*
    Check before a solve: the prescribed displacements (in a time step, their increments) at the ends of a rigid link must be kinematically
-   admissible, if no free displacement strains the link. Collective on structure
+   admissible, if no free displacement strains the link. jam: in a time step, which may fail, a link of this rank for which they are not, -1: none.
+   Collective on structure
 */
-PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
+PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscInt *jam)
 {
   const PetscInt     dim    = structure->dim;
   PetscInt           bad    = -1;
@@ -162,6 +163,7 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   const PetscScalar *a, *free;
 
   PetscFunctionBegin;
+  *jam = -1;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &none));
   PetscCall(VecZeroEntries(none));
@@ -184,6 +186,10 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   PetscCall(LatinStructureClose_Private(structure, &open, &free));
   PetscCall(LatinStructureClose_Private(structure, &u, &a));
   PetscCall(DMRestoreGlobalVector(structure->dm, &none));
+  if (structure->ground) {
+    if (bad >= 0) *jam = structure->links_start + bad;
+    PetscFunctionReturn(0);
+  }
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
              "Link %" PetscInt_FMT " (%s) has prescribed displacements that are not kinematically admissible: they miss its gap by %g. Change them or its initial elongation, or remove the link", structure->links_start + bad,
              LatinLaws[structure->law[PetscMax(0, bad)]].name, (double)missed);

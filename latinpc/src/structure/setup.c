@@ -158,17 +158,15 @@ static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Creates the DM from nodes and links, and the unit vectors of links, zero if both nodes are at the same point. Collective on structure */
-PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
+/* Unit vectors of links from the coordinates of their nodes, zero if both are at the same point. Collective on structure */
+PetscErrorCode LatinStructureDirections_Private(LatinStructure structure)
 {
   const PetscInt     m = structure->links_local, dim = structure->dim;
   Vec                coordinates;
   const PetscScalar *x;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureCreatePlex_Private(structure));
-  PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
-  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers; 0, as the name of the enum depends on the version of PETSc */
+  PetscCall(PetscArrayzero(structure->direction, dim * m));
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = 0; l < m; l++) {
@@ -178,6 +176,17 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
     (void)LatinUnitVector(dim, v, structure->direction + dim * l);
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
+  PetscFunctionReturn(0);
+}
+
+/* Creates the DM from nodes and links, and the unit vectors of links. Collective on structure */
+PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCreatePlex_Private(structure));
+  PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
+  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers; 0, as the name of the enum depends on the version of PETSc */
+  PetscCall(LatinStructureDirections_Private(structure));
   PetscCall(LatinStructureShared_Private(structure));
   PetscFunctionReturn(0);
 }
@@ -311,7 +320,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   LatinAgree(comm, point >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction",
              structure->links_start + point, structure->nodes[2 * point], structure->nodes[2 * point + 1]);
   PetscCall(LatinStructureCheckUnlinked_Private(structure, structure->mass));
-  PetscCall(LatinStructureSetUpRigid_Private(structure));
+  PetscCall(LatinStructureCheckContacts_Private(structure));
   PetscCall(LatinTurningSetUp_Private(structure));
   PetscCall(PetscMalloc1(dim * structure->vertices, &vfixed));
   PetscCall(PetscMalloc1(dim * structure->vertices, &structure->vertex_prescribed));

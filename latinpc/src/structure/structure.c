@@ -186,7 +186,7 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscCall(LatinStructureSetInitialElongations(structure, e0));
   if (structure->set_up) {
-    PetscCall(LatinStructureSetUpRigid_Private(structure));
+    PetscCall(LatinStructureCheckContacts_Private(structure));
     PetscCall(LatinTurningSetUp_Private(structure));
   }
   PetscFunctionReturn(0);
@@ -396,6 +396,7 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
+  PetscCall(LatinStructureDirections_Private(structure));
   for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
   PetscFunctionReturn(0);
 }

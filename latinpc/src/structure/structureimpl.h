@@ -44,7 +44,6 @@ struct _p_LatinStructure {
   PetscReal    *stiffness;     /* [links_local] k */
   PetscReal    *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
   PetscReal    *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL: not set */
-  PetscReal     rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
   PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: no rigid links */
   PetscBool     general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
   PetscBool     own_laws;      /* has tables or laws of the user, on any rank */
@@ -104,6 +103,18 @@ static inline PetscReal LatinStructureElongation(LatinStructure structure, Petsc
 
   for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
   return e;
+}
+
+#define LATIN_TURNING_OWN 1e-8 /* least difference of a link's direction from that of its nodes that counts as a direction of its own */
+
+/* Has link l a direction of its own, not that of its nodes, which are r0 apart? */
+static inline PetscBool LatinStructureOwnDirection(LatinStructure structure, PetscInt l, const PetscReal r0[])
+{
+  PetscReal n[3] = {0.0, 0.0, 0.0}, apart = 0.0;
+
+  (void)LatinUnitVector(structure->dim, r0, n);
+  for (PetscInt c = 0; c < structure->dim; c++) apart = PetscMax(apart, PetscAbsReal(n[c] - structure->direction[structure->dim * l + c]));
+  return (PetscBool)(apart > LATIN_TURNING_OWN);
 }
 
 /* A column of B^t: adds the forces of link l under the tension t to those of the vertices */
@@ -171,9 +182,9 @@ PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, Pe
 
 /* ---- rigid laws (structure/rigidlaws.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
-PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
-PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure, PetscInt *jam);
 
 /* ---- tangent stiffnesses and their matrix (structure/tangent.c); line search (structure/linesearch.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
@@ -225,6 +236,7 @@ static inline PetscBool LatinStructureKeeps(const LatinStructure structure, Pets
 }
 
 /* ---- the DM (structure/setup.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureDirections_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure, const PetscReal mass[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure);

@@ -239,7 +239,6 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
 }
 
 /* ---- set-up and checks ---- */
-#define LATIN_TURNING_OWN 1e-8 /* least difference of a link's direction from that of its nodes that counts as a direction of its own */
 
 /* Checks that the natural length l - e0 of each rotating link is not negative; e0: initial elongations, [links_local], NULL: zero. It is zero, to rounding, at links of a
    given force density. Collective on structure */
@@ -292,13 +291,11 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
-    PetscReal *r0 = structure->span + dim * l, n[3] = {0.0, 0.0, 0.0}, apart = 0.0;
+    PetscReal *r0 = structure->span + dim * l;
 
     for (PetscInt c = 0; c < dim; c++) r0[c] = PetscRealPart(x[dim * structure->ends[2 * l + 1] + c] - x[dim * structure->ends[2 * l] + c]);
-    (void)LatinUnitVector(dim, r0, n);
-    for (PetscInt c = 0; c < dim; c++) apart = PetscMax(apart, PetscAbsReal(n[c] - structure->direction[dim * l + c]));
-    if (structure->keeps) structure->keeps[l] = (PetscBool)(apart > LATIN_TURNING_OWN || structure->law[l] == LATIN_LAW_CONTACT);
-    else if (apart > LATIN_TURNING_OWN) own = l;
+    if (structure->keeps) structure->keeps[l] = (PetscBool)(LatinStructureOwnDirection(structure, l, r0) || structure->law[l] == LATIN_LAW_CONTACT);
+    else if (LatinStructureOwnDirection(structure, l, r0)) own = l;
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
   LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out its direction, or take -snes_latin_geometry large, or linear", structure->links_start + own,

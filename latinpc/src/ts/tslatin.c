@@ -136,7 +136,6 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
   PetscCall(TSLatinAdapt_Private(ts));
-  PetscCall(TSLatinGeometry_Private(data->step, snes));
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* initially at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
@@ -183,6 +182,7 @@ static PetscErrorCode TSRollBack_Latin(TS ts)
   PetscCall(VecCopy(data->u_before, ts->vec_sol));
   PetscCall(VecCopy(data->v_before, ts->vec_dot));
   PetscCall(LatinStepBack_Private(data->step));
+  if (ts->steps == 1) data->moved = PETSC_FALSE; /* the first step has not been made */
   PetscFunctionReturn(0);
 }
 
@@ -197,6 +197,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
   PetscFunctionBegin;
   if (!ts->steps && data->started) LatinAgree(PetscObjectComm((PetscObject)ts), data->moved, PETSC_ERR_ORDER, "Supports have moved in the last motion of this TS: before another one call TSReset(), with the supports where it starts");
   PetscCall(TSGetSNES(ts, &snes));
+  PetscCall(TSLatinGeometry_Private(data->step, snes));
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   while (!ts->reason && !accept) {
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
