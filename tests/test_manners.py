@@ -135,6 +135,13 @@ def test_a_growing_energy_is_told():
         assert move(saddle, 20, 1e-2, mass=10.0, options=options).notices == []
 
 
+def test_a_motion_at_rest_has_no_energy_to_grow():
+    """A chain in balance: rounding of 1e-22 J had grown."""
+    scene = make("chain")
+    still = move(replace(scene, mass=np.full(len(scene.nodes), 20.0)), 50, 2e-3)
+    assert not still.notices
+
+
 def test_velocities_of_nodes_without_mass_are_told():
     given = {"name": "thrown", "nodes": [[0.0], [1.0], [2.0], [3.0]], "links": [[0, 1], [1, 2], [2, 3]], "law": "bar"}
     given |= {"stiffness": 100.0, "fixed": [[1], [0], [0], [0]], "velocity": [[0.0], [3.0], [0.0], [1.0]]}

@@ -9,6 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import solvers
+from latinpc.geometry import extent
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results import tables
@@ -311,16 +312,18 @@ def _move(recorder, step, from_equilibrium):
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=solvers.node_classes(snes) if is_latin else None,
         notices=notices
-        + ([] if acting is not None else _grown(ts, report))
+        + ([] if acting is not None else _grown(ts, report, structure))
         + ([] if reason > 0 else [_failed(ts, structure)]),
     )
 
 
-def _grown(ts, report):
-    """Return a sentence where energy has come from nowhere: loads and supports stay during a motion."""
+def _grown(ts, report, structure):
+    """Return a sentence where energy has come from nowhere, by more than rounding: loads and supports stay."""
     energy = np.add(report["kinetic_energy"], report["potential_energy"])
     growth, moved = energy.max() - energy[0], energy[0] - min(report["potential_energy"])
-    if not growth > GROWN * moved + np.finfo(float).eps ** 0.5 * np.abs(energy[0]):
+    forces = np.abs(structure.load).sum() + structure.stiffness @ np.abs(structure.initial_elongation)
+    rounding = np.finfo(float).eps * forces * np.linalg.norm(extent(structure))  # of what is at rest
+    if not growth > GROWN * moved + np.finfo(float).eps ** 0.5 * np.abs(energy[0]) + rounding:
         return []
     cure = "take shorter steps" + ("" if ts.getType() == "latin" else ", or -ts_type latin, which does not let it")
     return [f"the energy has grown from {quantity(energy[0], 'J')} to {quantity(energy.max(), 'J')} by itself: {cure}"]
