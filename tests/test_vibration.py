@@ -221,7 +221,7 @@ def test_states_that_are_not_stable_say_so():
     """The simplex whose cables push and whose struts pull."""
     structure = turning.simplex(0.0)
     structure |= {"prestress": -structure["prestress"], "law": "bar", "mass": 2.0}
-    with pytest.warns(latinpc.LatinWarning, match="the state is not stable: 1 modes have a negative stiffness"):
+    with pytest.warns(latinpc.LatinWarning, match="the state is not stable: 1 mode has a negative stiffness"):
         found = latinpc.modes(latinpc.Structure(**structure, geometry="large"), 3)
     assert found.frequencies[0] < 0.0 < found.frequencies[1]
     assert "unstable" in found.label(0)

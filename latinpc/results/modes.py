@@ -12,11 +12,12 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc import errors, solvers
+from latinpc import errors
 from latinpc.arrays import Slices
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options
 
+from .eigen import Eigenpairs, below, lowest, slepc, solved, solver
 from .limit import moving, slackening
 from .notices import SolveError, warn
 from .unread import unread
@@ -28,16 +29,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Modes", "modes", "tangent"]
 
-SHIFT = 1e-10  # of the largest eigenvalue: shift below zero, so that mechanisms leave a regular matrix
-MECHANISM = 1e-12  # of the largest eigenvalue: what is below is zero; rounding leaves some 1e-15
+MECHANISM = 1e-12  # of its own diagonal: what is below is zero; rounding leaves some 1e-15
 FLAT = 1e-6  # of the largest -1/mu of either sign: loads with smaller ones do not buckle a state
 LOOSE = 1e-2  # relative tolerance of that largest one
+EPS = np.finfo(float).eps  # of the largest eigenvalue: the same, that of nodes that nothing holds
+NO_FACTOR = "no positive factor: multiples of these loads do not buckle the state"
 INERTIA = {"modes_st_mat_mumps_icntl_24": 1}  # MUMPS counts negative pivots only so
 _NAMED = 5
-INSTALL = (
-    "modes need SLEPc with slepc4py: with Debian's PETSc apt install python3-slepc4py libslepc-real-dev; with another"
-    " one, and PETSC_DIR and PETSC_ARCH set, pip install slepc slepc4py of the same version as PETSc"
-)
 
 
 @dataclass(repr=False, eq=False)
@@ -221,7 +219,7 @@ def modes(
     latinpc.SolveError
         For rigid links, and for the factors of a state that is not stable.
     """
-    _slepc()
+    slepc()
     drawn = not hasattr(state, "structure")
     structure = state if drawn else state.structure
     if not isinstance(getattr(structure, "_slices", None), Slices):
@@ -254,20 +252,6 @@ def modes(
     return found
 
 
-def _slepc():
-    """Return SLEPc, or say what to install. That of another PETSc is not loaded: two of these in one process crash."""
-    try:
-        import slepc4py
-
-        ours = ".".join(map(str, PETSc.Sys.getVersion()[:2]))
-        if slepc4py.__version__.split(".")[:2] != ours.split("."):
-            raise ImportError(f"slepc4py {slepc4py.__version__} is there, PETSc is {ours}")
-        from slepc4py import SLEPc
-    except ImportError as error:
-        raise ImportError(f"{INSTALL} ({error})") from error
-    return SLEPc
-
-
 class _Problem:
     """Tangent stiffness and state as PETSc's objects."""
 
@@ -293,27 +277,21 @@ class _Problem:
         M.assemble()
         return M, vector
 
-    def modes(self, buckling, values, vectors, **more):
+    def modes(self, buckling, pairs, mechanisms):
         """Make `Modes` of eigenvalues and eigenvectors; collective."""
-        structure, order = self.structure, np.argsort(values, kind="stable")
+        structure, values = self.structure, np.array(pairs.values)
+        order = np.argsort(values, kind="stable")
         shapes = np.zeros((len(values), *structure.nodes.shape))
         for row, index in enumerate(order):
-            shape = np.where(structure.fixed, 0.0, structure.displacements(vectors[index]))
+            shape = np.where(structure.fixed, 0.0, structure.displacements(pairs.vectors[index]))
             size = np.linalg.norm(shape, axis=1)
             node = int(np.argmax(size > size.max() * (1.0 - 1e-6)))  # the first of those that move most
             sign = np.sign(shape[node][np.argmax(np.abs(shape[node]))]) or 1.0
             shapes[row] = sign * shape / (size[node] or 1.0)
-        for name, column in more.items():
-            more[name] = np.asarray(column)[order]
-        arrays = (
-            structure,
-            self.displacements,
-            structure.tensions(self.u),
-            buckling,
-            np.asarray(values)[order],
-            shapes,
-        )
-        return Modes(*arrays, **more)
+        return Modes(
+            structure, self.displacements, structure.tensions(self.u), buckling, values[order], shapes,
+            mechanisms[order], np.array(pairs.residuals)[order], complete=not pairs.notices,
+        )  # fmt: skip
 
     def destroy(self):
         """Free what PETSc holds; collective."""
@@ -322,79 +300,26 @@ class _Problem:
                 thing.destroy()
 
 
-def _solver(A, B, number, sinvert):
-    """Make an EPS for symmetric A v = lambda B v, B positive, with a direct factor unless options say otherwise."""
-    SLEPc = _slepc()
-    eps = SLEPc.EPS().create(A.getComm())
-    eps.setOptionsPrefix("modes_")
-    eps.setOperators(A, B)
-    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-    eps.setDimensions(number)
-    st = eps.getST()
-    st.setType("sinvert" if sinvert else "shift")
-    ksp = st.getKSP()
-    ksp.setType("preonly")
-    solvers.symmetric_factor(ksp.getPC())
-    return eps
-
-
-def _solve(eps, wanted):
-    """Solve; return values, vectors and residuals of the modes that converged, a sentence on others; collective."""
-    SLEPc = _slepc()
-    eps.solve()
-    found = min(eps.getConverged(), wanted)
-    values, vectors, residuals = [], [], []
-    A, B = eps.getOperators()
-    for i in range(found):
-        vector, image = A.createVecs()
-        value = eps.getEigenpair(i, vector).real
-        A.mult(vector, image)
-        energy = image.dot(vector)
-        B.mult(vector, image)
-        weight = image.dot(vector)  # beside mechanisms Rayleigh's quotient has twice the digits
-        values.append(energy / weight if weight > 0.0 else value)
-        vectors.append(vector)
-        residuals.append(eps.computeError(i, SLEPc.EPS.ErrorType.BACKWARD))  # also of values that are zero
-        image.destroy()
-    if not np.isfinite(values).all():
-        raise SolveError("no modes: the matrix is singular beyond what a shift cures; a node without mass is not held")
-    missing = [f"{found} of {wanted} modes have converged: raise -modes_eps_max_it or -modes_eps_ncv"]
-    residuals = np.nan_to_num(residuals).tolist()  # of matrices of zeros: all is slack
-    return values, vectors, residuals, missing if found < wanted else []
-
-
-def _negative(eps):
-    """Count the negative eigenvalues of the matrix that the ST factors; None where options take another solver."""
-    pc = eps.getST().getKSP().getPC()
-    counts = pc.getType() == "cholesky" and pc.getFactorSolverType() in ("mumps", "petsc")
-    return pc.getFactorMatrix().getInertia()[0] if counts else None
-
-
-def _lowest(problem, number, mass):
-    """Solve K v = lambda M v for the eigenvalues next to zero; collective.
-
-    Returns
-    -------
-    tuple
-        Values, vectors, residuals, which of them are zero, number of negative ones or None, notices.
-    """
+def _lowest(problem, number, mass, elsewhere=False):
+    """Find the lowest eigenvalues of K v = lambda M v, and which of them are zero but for rounding; collective."""
     structure, K = problem.structure, problem.stiffness()
     M, masses = problem.diagonal(np.broadcast_to(np.asarray(mass, dtype=float)[:, None], structure.nodes.shape))
     moving = structure.comm.tompi4py().allreduce(int(np.count_nonzero(masses.array)))
     if not moving:
         raise ValueError("no node that is free has a mass: give mass, in kg (on the command line --node-mass)")
-    ratio = np.divide(K.getDiagonal().array, masses.array, out=np.zeros(masses.getLocalSize()), where=masses.array > 0)
-    largest = structure.comm.tompi4py().allreduce(float(np.abs(ratio).max(initial=0.0)), op=MPI.MAX) or 1.0
-    SLEPc = _slepc()
-    eps = _solver(K, M, min(number, moving), True)
-    eps.setTarget(-SHIFT * largest)
-    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-    eps.setFromOptions()
-    values, vectors, residuals, notices = _solve(eps, min(number, moving))
-    negative = _negative(eps)
-    for thing in (eps, M, masses):
+    diagonal = K.getDiagonal()
+    diagonal.abs()
+    ratio = np.divide(diagonal.array, masses.array, out=np.zeros(masses.getLocalSize()), where=masses.array > 0)
+    largest = structure.comm.tompi4py().allreduce(float(ratio.max(initial=0.0)), op=MPI.MAX) or 1.0
+    found = lowest(K, M, number, moving, largest, elsewhere=elsewhere)
+    square, zero = diagonal.duplicate(), []
+    for value, vector in zip(found.values, found.vectors):  # beside stiffer parts a soft mode is none of these
+        square.pointwiseMult(vector, vector)
+        own = diagonal.dot(square) / (masses.dot(square) or 1.0)
+        zero.append(abs(value) <= max(MECHANISM * own, EPS * largest))
+    for thing in (M, masses, diagonal, square):
         thing.destroy()
-    return values, vectors, residuals, np.abs(values) <= MECHANISM * largest, negative, notices
+    return found, np.array(zero, dtype=bool)
 
 
 def _frequencies(problem, number):
@@ -402,12 +327,13 @@ def _frequencies(problem, number):
     structure = problem.structure
     if structure.mass is None:
         raise ValueError("frequencies need masses: give mass, in kg (on the command line --node-mass)")
-    values, vectors, residuals, zero, negative, notices = _lowest(problem, number, structure.mass)
-    found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
-    found.complete = not notices
-    found.notices = notices + _mechanisms(found)
+    pairs, zero = _lowest(problem, number, structure.mass, elsewhere=True)
+    found = problem.modes(False, pairs, mechanisms=zero)
+    found.notices = pairs.notices + _mechanisms(found)
+    negative = max(pairs.negative, int(((found.values < 0.0) & ~found.mechanisms).sum()))
     if negative:
-        found.notices.append(f"the state is not stable: {negative} modes have a negative stiffness")
+        modes = "1 mode has" if negative == 1 else f"{negative} modes have"
+        found.notices.append(f"the state is not stable: {modes} a negative stiffness")
     return found
 
 
@@ -435,60 +361,39 @@ def _factors(problem, number, load, base):
     if not load[~structure.fixed].any():
         raise ValueError("there are no loads for a factor to multiply: give load, in N")
     _refuse_unstable(problem)
-    SLEPc = _slepc()
     K, G = problem.stiffness(), structure.dm.createMat()
     f, moved = structure.create_vec(), structure.create_vec()
     structure.set_displacements(load, f)
     structure.geometric_stiffness(problem.u, np.zeros(len(structure.links)), G)
-    eps = _solver(G, K, 1, False)  # G v = nu K v, nu = -1/mu
+    eps = solver(G, K, 1, False)  # G v = nu K v, nu = -1/mu
     eps.setTolerances(tol=LOOSE)
-    eps.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+    eps.setWhichEigenpairs(slepc().EPS.Which.LARGEST_MAGNITUDE)
     eps.setUp()
     eps.getST().getKSP().solve(f, moved)
     rates = structure.tension_rates(problem.u, moved)
     structure.geometric_stiffness(problem.u, rates, G)
     eps.setOperators(G, K)
-    largest = max(map(abs, _solve(eps, 1)[0]), default=0.0) or 1.0
+    largest = max((abs(value) for value, *_ in solved(eps, 1)), default=0.0) or 1.0
     G.scale(1.0 / largest)  # then rounding of the many values that are zero is an absolute one
     eps.destroy()
-    count = min(number, _below(G, K, -FLAT))  # the others buckle under the reversed loads, or not at all
-    values, vectors, residuals, notices = [], [], [], []
-    if count:
-        edge = 2.0 * FLAT  # below all eigenvalues, within a decade
-        while _below(G, K, -edge):
-            edge *= 10.0
-        eps = _solver(G, K, count, True)
-        eps.setTarget(-edge)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setFromOptions()
-        values, vectors, residuals, notices = _solve(eps, count)
-        eps.destroy()
-    factors = [base - 1.0 / (largest * value) for value in values]
-    found = problem.modes(True, factors, vectors, residuals=residuals, mechanisms=np.zeros(len(values), bool))
-    found.complete = not notices
-    found.notices = notices if count else ["no positive factor: multiples of these loads do not buckle the state"]
+    count = below(G, K, -FLAT)  # the others buckle under the reversed loads, or not at all
+    pairs = lowest(G, K, number, count, 1.0, 2.0 * FLAT) if count else Eigenpairs([], [], [], 0, [NO_FACTOR])
+    pairs.values = [base - 1.0 / (largest * value) for value in pairs.values]
+    found = problem.modes(True, pairs, mechanisms=np.zeros(len(pairs.values), bool))
+    found.complete = not (count and pairs.notices)
+    found.notices = pairs.notices
     found.notices += slackening(found, rates, base)
     for thing in (G, f, moved):
         thing.destroy()
     return found
 
 
-def _below(A, B, value):
-    """Count the eigenvalues of A v = lambda B v below a value, by the inertia of a factor; collective."""
-    shifted = A.copy()
-    shifted.axpy(-value, B, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    count = solvers.negative_pivots(shifted, "modes_st_")
-    shifted.destroy()
-    return count
-
-
 def _refuse_unstable(problem):
     """Refuse a state whose tangent stiffness is not positive definite; collective."""
-    ones = np.ones(len(problem.structure.nodes))
-    values, vectors, residuals, zero, negative, _ = _lowest(problem, 1, ones)
-    if not (zero.any() or negative or min(values) < 0.0):
+    pairs, zero = _lowest(problem, 1, np.ones(len(problem.structure.nodes)))
+    if not (zero.any() or pairs.negative or min(pairs.values) < 0.0):
         return
-    found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
+    found = problem.modes(False, pairs, mechanisms=zero)
     kind = "is a mechanism" if zero.any() else "is not stable"
     raise SolveError(
         f"no factors: the state {kind}, most at {found.structure.some_nodes(found.movers(0))}; solve for a stable"
