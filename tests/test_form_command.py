@@ -143,3 +143,38 @@ def test_tables_keep_groups_and_sections(tmp_path):
     found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, 1e3, EA=1e6, area=1e-5, strength=[1e9, 1e9, 2e9])
     expected = found.tensions / 1e-5 / np.array([1e9, 1e9, 2e9])
     assert found.structure.solve().utilisation == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_is_given_per_metre_acts_over_the_lengths_of_the_form(tmp_path):
+    """A line drawn with a detour to a point far away; natural lengths keep what they were cut with."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix,mass\nA,0,0,xy,\nB,4,50,,1.5\nC,8,0,xy,\n")
+    (tmp_path / "members.csv").write_text("start,end,law,EA,group\nA,B,cable,1e6,rope\nB,C,cable,1e6,rope\n")
+    (tmp_path / "rope.toml").write_text(
+        "dim = 2\n[masses.rope]\nline = 3.0\n[loads.B]\nwhere = 'x=4'\nforce = [0, -7]\n"
+    )
+    words = tmp_path, "--self-weight", 30, "--csv", tmp_path / "f-members.csv", tmp_path / "f-nodes.csv"
+    command("form", *words, "--density", 100)
+    found = latinpc.read(tmp_path / "f-nodes.csv")
+    length = found.lengths[0]
+    assert found.mass == pytest.approx([1.5 * length, 1.5 + 3.0 * length, 1.5 * length], rel=1e-8)
+    assert found.load[1] == pytest.approx([0.0, -7.0 - 30.0 * length], rel=1e-8)
+    assert found.nodes[1] == pytest.approx([4.0, found.load[1, 1] / 200.0], rel=1e-8)
+    command("form", *words, "--density", 100, "--without-load")
+    found = latinpc.read(tmp_path / "f-nodes.csv")
+    assert found.mass == pytest.approx([6.0, 13.5, 6.0]) and not found.load.any()
+    command("form", *words, "--natural")
+    drawn = latinpc.read(tmp_path, self_weight=30.0)
+    assert latinpc.read(tmp_path / "f-nodes.csv").mass == pytest.approx(drawn.mass)
+    assert "without end: give larger densities" in command("form", *words, "--density", 10, code=2).stderr
+
+
+def test_self_weight_within_a_flat_drawing_is_noted(tmp_path):
+    """A plan, drawn with z = 0 everywhere, is 2D, where weights act along y."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,z,fix\nA,0,0,0,xyz\nB,1,0,0,\nC,2,0,0,xyz\nD,1,1,0,xyz\n")
+    (tmp_path / "members.csv").write_text("start,end,law,EA\nA,B,cable,1e5\nB,C,cable,1e5\nB,D,cable,1e5\n")
+    said = "self-weight acts along -y, within the structure; for a plan, which it acts across, write dim = 3 in"
+    words = tmp_path, "--self-weight", 5
+    assert said in " ".join(command("form", *words, "--density", 100).stdout.split())
+    assert latinpc.read(tmp_path, self_weight=5.0).metadata["notes"][0].startswith(said)
+    (tmp_path / "plan.toml").write_text("dim = 3\n")
+    assert not latinpc.read(tmp_path, self_weight=5.0).metadata["notes"]

@@ -11,14 +11,18 @@ import numpy as np
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.files.description import lumped
 from latinpc.files.text import finite
 from latinpc.laws import Law
 from latinpc.results.atomic import check_writable
 from latinpc.results.cad import check_ezdxf
+from latinpc.results.summary import summary_of_file
 
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import on_root
 from .scenes import SceneCommand, open_scene, scene_options
+
+SETTLED = 1e-9  # of the largest load: a change of loads per metre that the form does not show
 
 
 @click.command("form", cls=SceneCommand)
@@ -65,7 +69,7 @@ def form(
         if say is not None:
             say(f"{scene.name}: finding the form")
         try:
-            found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, name=scene.name, **given)
+            found = _find(scene, given)
         except ValueError as wrong:
             raise ValueError(scene.counted_as_given(str(wrong))) from wrong
     found.numbering = scene.numbering
@@ -75,8 +79,41 @@ def form(
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
             written = [str(path) for path, _ in files if path is not None]
-            lines = found.lines() + ([("written", ", ".join(written))] if written else [])
+            lines = (
+                summary_of_file(scene.metadata) + found.lines() + ([("written", ", ".join(written))] if written else [])
+            )
             print_lines(open_console(), found.name, lines)
+
+
+def _find(scene, given):
+    """Find the form; collective.
+
+    With natural lengths, links keep the masses and weights with which they are cut. With densities what the file gives
+    per metre acts over the lengths of the form, which follow from it.
+    """
+    found, load = _once(scene, given), given["load"]
+    if given["natural_length"] is not None:
+        return found
+
+    def longer(along):
+        return lumped(along, found.lengths - scene.lengths, scene.links, len(scene.nodes))
+
+    weighs, last = scene.line_load is not None and load is not None, np.inf
+    while weighs:
+        before, given["load"] = given["load"], load + longer(scene.line_load)
+        change = np.abs(given["load"] - before).max()
+        if change <= SETTLED * np.abs(load).max():
+            break
+        if not change < last:
+            raise ValueError("loads per metre lengthen the form, and grow with it, without end: give larger densities")
+        found, last = _once(scene, given), change
+    if scene.line_mass is not None:
+        found.mass = found.mass + longer(scene.line_mass)
+    return found
+
+
+def _once(scene, given):
+    return latinpc.form_find(scene.nodes, scene.links, scene.fixed, name=scene.name, **given)
 
 
 def _prepare(name, densities, natural, without_load, files, options):

@@ -87,7 +87,7 @@ def read_cases(settings, scene, ends, line, line_groups, node_groups, descriptio
         place = where.removesuffix(": ")
         case = Case(
             name,
-            read_loads(table, scene.nodes, ends, line_groups, node_groups, place, "case."),
+            read_loads(table, scene.nodes, ends, line_groups, node_groups, place, "case.")[0],
             _settlements(table, scene, node_groups, place),
             _elongations(table, scene, ends, line, line_groups, place),
             table.get("part", False),

@@ -140,12 +140,16 @@ def assign(values, taken, chosen, value, where):
     values[chosen], taken[chosen] = value, True
 
 
-def _to_ends(values, links, count):
-    """Return the sums at the nodes of values of links (k,) or (k, dim), half of each to either end."""
-    halves = np.repeat(values / 2.0, 2, axis=0)
+def lumped(along, lengths, links, count):
+    """Return the sums at the nodes of what acts along links, (k,) or (k, dim) per m, half of each at either end."""
+    halves = np.repeat((along.T * lengths).T / 2.0, 2, axis=0)
     if halves.ndim == 1:
         return np.bincount(links.ravel(), halves, count)
     return np.column_stack([np.bincount(links.ravel(), column, count) for column in halves.T])
+
+
+def _lengths(nodes, links):
+    return np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
 
 
 def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
@@ -175,8 +179,11 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
 
 
 def read_loads(settings, nodes, links, line_groups, node_groups, description, prefix=""):
-    """Return the nodal forces (n, dim) in N; the prefix is that of the table in the file."""
-    load = np.zeros(nodes.shape)
+    """Return the nodal forces (n, dim) in N, and the part (k, dim) in N/m of them that acts along lines.
+
+    The prefix is that of the table in the file.
+    """
+    load, along = np.zeros(nodes.shape), np.zeros((len(links), nodes.shape[1]))
     for group, entries in settings.get("loads", {}).items():
         where = place(description, f"{prefix}loads", group)
         key = one_of(entries, ("force", "line"), where)
@@ -188,16 +195,14 @@ def read_loads(settings, nodes, links, line_groups, node_groups, description, pr
         value = vector(entries[key], nodes.shape[1], f"{where}: {key}")
         if key == "force":
             load[nodes_of(group, entries, nodes, node_groups, where)] += value
-            continue
-        ends = links[lines_of(group, entries, line_groups, where)]
-        length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
-        load += _to_ends(np.outer(length, value), ends, len(nodes))
-    return load
+        else:
+            along[lines_of(group, entries, line_groups, where)] += value
+    return load + lumped(along, _lengths(nodes, links), links, len(nodes)), along
 
 
 def read_masses(settings, nodes, links, line_groups, node_groups, description, mass):
-    """Add the masses of the settings to those (n,) of a file, in kg; None without any."""
-    mass = mass.copy()
+    """Add the masses of the settings to those (n,) of a file, in kg; return them and their part along lines (kg/m)."""
+    mass, along = mass.copy(), np.zeros(len(links))
     for group, entries in settings.get("masses", {}).items():
         where = place(description, "masses", group)
         key = one_of(entries, ("mass", "line"), where)
@@ -206,11 +211,10 @@ def read_masses(settings, nodes, links, line_groups, node_groups, description, m
         value = number(entries[key], f"{where}: {key}", positive=True)
         if key == "mass":
             mass[nodes_of(group, entries, nodes, node_groups, where)] += value
-            continue
-        ends = links[lines_of(group, entries, line_groups, where)]
-        length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
-        mass += _to_ends(value * length, ends, len(nodes))
-    return mass if mass.any() else None
+        else:
+            along[lines_of(group, entries, line_groups, where)] += value
+    mass += lumped(along, _lengths(nodes, links), links, len(nodes))
+    return mass if mass.any() else None, along
 
 
 def read_velocities(settings, nodes, node_groups, fixed, description):

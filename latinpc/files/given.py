@@ -102,10 +102,16 @@ def _force(text):
 
 
 def in_space(settings, dim, description):
-    """Give the loads of options, which name axes, the form of those of the TOML file."""
+    """Give the loads of options, which name axes, the form of those of the TOML file; return notes on them."""
+    notes = []
     for where, entries in settings.get("loads", {}).items():
         if "down" in entries:
             entries["line"] = [0.0] * (dim - 1) + [-entries.pop("down")]
+            if dim < 3 and "dim" not in settings:
+                notes = [
+                    f"self-weight acts along -{AXES[dim - 1]}, within the structure; for a plan, which it acts across,"
+                    f" write dim = 3 in {description.name}"
+                ]
         elif "components" in entries:
             force = entries.pop("components")
             beyond = [axis for axis in force if axis not in AXES[:dim]]
@@ -116,3 +122,4 @@ def in_space(settings, dim, description):
                     f" it write dim = {needed} in {description.name}"
                 )
             entries["force"] = [force.get(axis, 0.0) for axis in AXES[:dim]]
+    return notes

@@ -368,11 +368,13 @@ def _scene(path, lines, settings, description, given):
     groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
     drawn = {name: np.flatnonzero(np.isin(line, chosen)) for name, chosen in lines.groups.items()}
     points = {name: number[chosen][number[chosen] >= 0] for name, chosen in lines.node_groups.items()}
-    in_space(settings, dim, description)
+    notes = notes + in_space(settings, dim, description)
     fixed, prescribed = read_supports(
         settings, nodes, groups, description, lines.fixed[used, :dim].copy(), lines.prescribed[used, :dim].copy()
     )
-    mass = read_masses(settings, nodes, ends, lines.groups, groups, description, lines.mass[used])
+    mass, line_mass = read_masses(settings, nodes, ends, lines.groups, groups, description, lines.mass[used])
+    load, line_load = read_loads(settings, nodes, ends, lines.groups, groups, description)
+    of_line = np.bincount(line, minlength=len(ends))[line]  # a contact with friction is several links
     if not fixed.any() and mass is None:
         raise ValueError(
             f"{path}: nothing is held; write [supports.NAME] with fix = [...] in {description.name}, or give --support,"
@@ -385,8 +387,10 @@ def _scene(path, lines, settings, description, given):
         **laws,
         fixed=fixed,
         prescribed=prescribed,
-        load=lines.load[used, :dim] + read_loads(settings, nodes, ends, lines.groups, groups, description),
+        load=lines.load[used, :dim] + load,
         mass=mass,
+        line_load=line_load[line] / of_line[:, None] if line_load.any() else None,
+        line_mass=line_mass[line] / of_line if line_mass.any() else None,
         velocity=read_velocities(settings, nodes, groups, fixed, description),
         geometry=geometry,
         numbering=Numbering(

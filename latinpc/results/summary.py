@@ -16,14 +16,18 @@ DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinat
 SHOWN = 10  # steps of a load path
 
 
+def summary_of_file(made):
+    """Return what the reader of a file has noted, of the metadata of its scene, as lines of (label, text)."""
+    return [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
+
+
 def summary(result, verbose=False):
     """Return the summary of a solve, as lines of (label, text); `verbose` adds what the solver has counted."""
     scene, report = result.structure, result.report
     kinds = [counted(count, law.noun, law.plural) for law in Law if (count := int(np.count_nonzero(scene.law == law)))]
     own, counts = np.unique(scene.laws[scene.law >= len(Law)], return_counts=True)
     laws = ", ".join(kinds + [f"{counted(int(count), 'link')} of the law {name}" for name, count in zip(own, counts)])
-    made = report.get("scene_options", {})
-    lines = [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
+    lines = summary_of_file(report.get("scene_options", {}))
     size = f"{counted(len(scene.nodes), 'node')}, {counted(report['links'], 'link')} ({laws}) in {scene.dim}D"
     lines.append(("structure", size))
     if report.get("load_cases"):

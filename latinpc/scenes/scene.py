@@ -70,6 +70,8 @@ class Scene(Geometry, Plots):
         How displacements turn links, as of `latinpc.Structure`; the option -snes_latin_geometry comes before it.
     numbering : Numbering, optional
         How the file that it was read from counts nodes and links.
+    line_load, line_mass : (m, dim) and (m,) array of float, optional
+        What the file gives per metre of the links (N/m, kg/m): `load` and `mass` hold it, over the drawn lengths.
 
     Raises
     ------
@@ -99,6 +101,8 @@ class Scene(Geometry, Plots):
     cases: tuple = ()
     geometry: str = "linear"
     numbering: Numbering | None = None
+    line_load: np.ndarray | None = None
+    line_mass: np.ndarray | None = None
 
     def __post_init__(self):
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
