@@ -13,7 +13,8 @@ __all__ = ["Numbered", "Numbering", "grouped"]
 _ONE = r"\d+\b(?: \([-\[\d][^)]*\))?"  # with a value, as `latinpc.arrays.refuse` writes it: "3 (-500.)"
 #: What errors of the library say of nodes and links, counted from 0: "Nodes that move (counted from 0): 3, 4", "Link 5"
 _SAID = re.compile(
-    r"\b(nodes?|links?)( that move)?(?: \(counted from 0\):)? (ONE(?:(?:, | and )ONE)*)(?! more)".replace("ONE", _ONE),
+    r"\b(nodes?|links?)( that move(?: most in its mode)?:?)?(?: \(counted from 0\):)? "
+    + "(ONE(?:(?:, | and )ONE)*)(?! more)".replace("ONE", _ONE),
     re.I,
 )
 
@@ -110,6 +111,6 @@ class Numbered:
         def named(found):
             name = self.node_name if found[1].lower().startswith("node") else self.link_name
             numbers = re.sub(r"(\d+)\b( \(.*?\))?", lambda one: name(int(one[1])) + (one[2] or ""), found[3])
-            return f"{found[1]}{found[2] or ''}{':' if found[2] else ''} {numbers}"
+            return f"{found[1]}{found[2].rstrip(':') + ':' if found[2] else ''} {numbers}"
 
         return _SAID.sub(named, text)

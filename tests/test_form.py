@@ -214,6 +214,33 @@ def test_forms_with_struts_bear_loads():
     )
 
 
+def test_rounding_refuses_no_form_of_a_long_rope():
+    """Of many stiff links: more than 1e-8 of the largest force is left."""
+    fixed = np.zeros((2001, 2), bool)
+    fixed[[0, -1]] = True
+    x = np.linspace(0.0, 200.0, 2001)
+    links = np.column_stack([np.arange(2000), np.arange(1, 2001)])
+    load = np.tile([0.0, -1.0], (2001, 1))
+    nodes = np.column_stack([x, -1e-3 * x * (200.0 - x)])
+    found = latinpc.form_find(nodes, links, fixed, natural_length=0.101, EA=1.6e9, load=load)
+    assert 1e-8 < found.unbalance < 1e-6
+
+
+def test_rounding_of_coordinates_of_a_map_refuses_no_form():
+    """Those of a net and of its form."""
+    given = square() | {"EA": 5e7}
+    near, corner = latinpc.form_find(**given), np.array([5e5, 5.4e6, 0.0])
+    given["nodes"] = given["nodes"] + corner
+    found = latinpc.form_find(**given, natural_length=near.natural_lengths)
+    assert abs(found.nodes - near.nodes - corner).max() < 1e-7 and found.unbalance > 1e-8
+
+
+def test_a_form_whose_nodes_are_all_held():
+    """Its links have their tensions, and there is nothing to find."""
+    held = latinpc.form_find([[0, 0], [1, 0]], [[0, 1]], [[1, 1], [1, 1]], natural_length=0.8, EA=1e3)
+    assert held.tensions == pytest.approx([250.0])
+
+
 def test_lengths_that_leave_all_links_slack_are_refused():
     """Nothing holds such a form."""
     with pytest.raises((ValueError, latinpc.SolveError), match=r"slack|mechanism|equilibrium"):

@@ -178,3 +178,17 @@ def test_self_weight_within_a_flat_drawing_is_noted(tmp_path):
     assert latinpc.read(tmp_path, self_weight=5.0).metadata["notes"][0].startswith(said)
     (tmp_path / "plan.toml").write_text("dim = 3\n")
     assert not latinpc.read(tmp_path, self_weight=5.0).metadata["notes"]
+
+
+def test_nodes_that_no_natural_length_holds_have_the_names_of_the_file(tmp_path):
+    """A strut of two bars whose knee nothing holds, and a node that slack cables leave."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix,Fy\nfoot,0,0,xy,\nknee,0,1,,-5\nhead,0,2,x,-1\n")
+    (tmp_path / "members.csv").write_text("start,end,law,EA\nfoot,knee,bar,1e3\nknee,head,bar,1e3\n")
+    assert "nodes that move: knee." in command("form", tmp_path, "--natural", code=2).stderr
+    numbered = {"foot": "10", "knee": "20", "head": "30"}
+    for file in tmp_path.glob("*.csv"):
+        text = file.read_text()
+        for name, number in numbered.items():
+            text = text.replace(name, number)
+        file.write_text(text)
+    assert "nodes that move: 20." in command("form", tmp_path, "--natural", code=2).stderr

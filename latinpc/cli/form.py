@@ -70,8 +70,9 @@ def form(
             say(f"{scene.name}: finding the form")
         try:
             found = _find(scene, given)
-        except ValueError as wrong:
-            raise ValueError(scene.counted_as_given(str(wrong))) from wrong
+        except (ValueError, latinpc.SolveError) as wrong:
+            wrong.args = (scene.counted_as_given(str(wrong)),)
+            raise
     found.numbering = scene.numbering
     on_root(comm, _write, found, json_file, output, csv, picture)
     if comm.rank == 0:

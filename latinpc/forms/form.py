@@ -37,6 +37,7 @@ __all__ = ["Form", "form_find"]
 SOLVES = 4  # most solves for natural lengths, each from the last form: 1 or 2 are usual
 SOFT = 1e-9  # of the largest diagonal entry of a stiffness: negative eigenvalues that are smaller are zero
 ROUNDING = 64.0  # times eps, of EA: forces that rounding of lengths makes
+PLACES = 4.0  # times eps, of the stiffness times the largest coordinate: the same of coordinates
 SHORT = 1e-9  # of the size of a form: links that are shorter have no direction
 
 
@@ -361,7 +362,7 @@ def form_find(
 
 def _settled(form, error):
     """Return the form that given natural lengths settle into; collective."""
-    rounding = ROUNDING * np.finfo(float).eps * form.EA
+    rounding = np.finfo(float).eps * (ROUNDING * form.EA + PLACES * form.stiffness * np.abs(form.nodes).max())
     for _ in range(SOLVES):  # balance alone does not say whether a form is stable
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LatinWarning)  # what counts is the balance that is left
@@ -378,7 +379,7 @@ def _settled(form, error):
         if found or not result.displacements.any():  # the next solve would be the same
             break
     if not found:
-        raise _lost(result)
+        raise _lost(result, form.unbalance)
     if slack.all():
         raise ValueError("all links are slack, and nothing holds a form: the natural lengths are too long")
     count = int(slack.sum())
@@ -399,9 +400,10 @@ def _unstable(form):
     return count > 0
 
 
-def _lost(result):
+def _lost(result, unbalance):
     """Return the error of a solve that ends without a form, with what its notices say."""
-    said = "; ".join([result.reason, *result.notices])
+    left = f"the last one leaves unbalanced forces of {unbalance:.1e} of the largest force, or buckles"
+    said = "; ".join([left if result.converged else result.reason, *result.notices])
     lost = SolveError(
         f"form finding: no stable equilibrium of these natural lengths was found: {said}. Draw the structure nearer to"
         " its form, start from the form of force densities, or change the lengths"
