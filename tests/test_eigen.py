@@ -1,4 +1,4 @@
-"""Eigenvalues: none of the lowest is missing, and none is taken for zero that is not."""
+"""Eigenvalues: none of the lowest is missing, and none is taken for zero that is not; what is taut in the stiffness."""
 
 import json
 
@@ -147,6 +147,22 @@ def test_repeated_factors_are_all_there():
     for number in (1, 2, 3):
         found = latinpc.modes(s, number, buckling=True)
         assert found.complete and np.allclose(found.factors, several[:number])
+
+
+def test_links_that_are_neither_taut_nor_slack_are_named():
+    """Cables without tension at their natural length: the stiffness has them, and the count of slack ones has not."""
+    nodes, links = [[0, 0], [1, 0], [2, 0], [1, 1], [1, -1]], [[0, 1], [1, 2], [1, 3], [1, 4]]
+    cables = latinpc.Structure(
+        nodes, links, ["cable", "cable", "bar", "cable"], 1e3, initial_elongation=[0.0, 0.0, 0.0, -1e-3],
+        fixed=[[1, 1], [0, 0], [1, 1], [1, 1], [1, 1]], mass=1.0,
+    )  # fmt: skip
+    for state in (cables, cables.solve()):
+        found = latinpc.modes(state, 2)
+        assert found.slack.tolist() == [False, False, False, True]
+        assert "links 0, 1 bear nothing and are neither taut nor slack: the stiffness is that of taut" in str(found)
+        assert np.allclose(found.values, [1e3, 2e3])
+    cables.set_initial_elongation([1e-4, 1e-4, 0.0, -1e-3])
+    assert not latinpc.modes(cables, 2).notices
 
 
 if __name__ == "__main__":

@@ -339,6 +339,12 @@ def test_misuse_is_named():
         latinpc.modes(large, buckling=True)
     with pytest.raises(ValueError, match=r"load must have the shape \(3, 2\)"):
         latinpc.modes(large, buckling=True, load=[0.0, 1.0])
+    with pytest.raises(ValueError, match=r"node 2 \(\[nan  ?0\.?\]\) has an entry of load that is not finite"):
+        latinpc.modes(large, buckling=True, load=[[0.0, 0.0], [0.0, 0.0], [np.nan, 0.0]])
+    with pytest.raises(ValueError, match="load is for buckling"):
+        latinpc.modes(large, load=np.zeros((3, 2)))
+    with pytest.raises(ValueError, match=r"latinpc.Structure.from_scene\(scene\)"):
+        latinpc.modes(make("net"))
     with pytest.raises(ValueError, match="no node that is free has a mass"):
         latinpc.modes(large)
     rigid = latinpc.Structure(**turning.von_mises(1.0) | {"law": "inextensible"}, mass=1.0)
@@ -435,6 +441,18 @@ def test_modes_that_have_not_converged_are_missing():
         assert not net.modes(12, options=few).complete
     words = "net --side 10 --law cable --node-mass 10 --number 12 -modes_eps_max_it 1 -modes_eps_ncv 14"
     assert "0 of 12 modes have converged" in command("modes", *words.split(), code=1).stderr
+
+
+@slepc
+def test_files_that_have_not_been_written_are_not_said_to_be(tmp_path):
+    """Without a factor there is nothing to draw; a mode that is not there is refused before the files."""
+    picture, table = tmp_path / "m.png", tmp_path / "m.json"
+    words = "modes", "saddle", "--buckling", "--picture", picture, "--json", table
+    said = command(*words).stdout
+    assert str(table.name) in said and "m.png" not in said and not picture.exists()
+    words = "lattice", "--nx", "2", "--ny", "2", "--drawn", "--node-mass", "1", "--number", "90", "--picture", picture
+    ended = command("modes", *words, "--gif", tmp_path / "m.gif", "--mode", "80", code=2)
+    assert "--mode 80: there are only" in ended.stderr and not picture.exists()
 
 
 @slepc

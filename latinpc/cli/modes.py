@@ -11,7 +11,7 @@ import numpy as np
 
 import latinpc
 from latinpc.results.atomic import check_writable
-from latinpc.results.mechanics import slack as slack_links
+from latinpc.results.units import counted
 from latinpc.runs.solve import solve
 
 from .mechanism import mechanism_explained
@@ -65,7 +65,7 @@ def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, pi
         for notice in found.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
-            _print(found, [path for path in files.values() if path is not None])
+            _print(found, [path for kind, path in files.items() if path is not None and (kind == "json" or len(found))])
         if not converged:
             print("latinpc: not converged: the modes are those of the last iterate", file=sys.stderr)
     return 0 if converged and found.complete else NOT_CONVERGED
@@ -114,6 +114,8 @@ def _compute(scene, number, buckling, drawn, options):
 
 def _write(found, files, mode):
     """Write the files; on one rank."""
+    if files["gif"] is not None and mode > max(len(found), 1):
+        raise ValueError(f"--mode {mode}: there are only {len(found)} modes")
     if files["json"] is not None:
         write_json(files["json"], found.to_dict())
     if not len(found):
@@ -127,8 +129,6 @@ def _write(found, files, mode):
         if files["picture"] is not None:
             save(found.plot(), files["picture"])
     if files["gif"] is not None:
-        if mode > len(found):
-            raise ValueError(f"--mode {mode}: there are only {len(found)} modes")
         found.animate(files["gif"], mode - 1)
 
 
@@ -140,9 +140,8 @@ def _print(found, written):
         for mode in range(len(found))
     ]
     kind = "buckling" if found.buckling else "vibration"
-    slack = int(slack_links(found.structure, found.tensions).sum())
-    sizes = found.structure.sizes
-    title = f"{found.structure.name}: modes of {kind}, {sizes.free_dofs:,} unknowns, {slack:,} links slack"
+    unknowns, slack = counted(found.structure.sizes.free_dofs, "unknown"), counted(int(found.slack.sum()), "link")
+    title = f"{found.structure.name}: modes of {kind}, {unknowns}, {slack} slack"
     if rows:
         print_table(title, (header, rows), left=(-1,))
     if written:

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc import errors
-from latinpc.arrays import Slices
+from latinpc.arrays import Slices, refuse
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options
 
 from .eigen import Eigenpairs, below, lowest, slepc, solved, solver
 from .limit import moving, slackening
+from .mechanics import slack, stretches
 from .notices import SolveError, warn
 from .unread import unread
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Modes", "modes", "tangent"]
 
+IDLE = 1e-10  # of the length of a link: what is shorter counts as no elongation
 MECHANISM = 1e-12  # of its own diagonal: what is below is zero; rounding leaves some 1e-15
 FLAT = 1e-6  # of the largest -1/mu of either sign: loads with smaller ones do not buckle a state
 LOOSE = 1e-2  # relative tolerance of that largest one
@@ -68,6 +70,21 @@ class Modes:
             raise ValueError("buckling modes have factors, not frequencies")
         size = np.where(self.mechanisms, 0.0, self.values)
         return np.sign(size) * np.sqrt(np.abs(size)) / (2.0 * np.pi)
+
+    @property
+    def slack(self) -> np.ndarray:
+        """(m,) array of bool: links that have no part in the stiffness.
+
+        Cables and links in compression only that bear nothing at their natural length are taut.
+        """
+        return slack(self.structure, self.tensions) & ~self._idle()
+
+    def _idle(self):
+        """Return which links are neither taut nor slack, as far as rounding of lengths and coordinates shows."""
+        s = self.structure
+        strain = stretches(s, self.displacements) + s.initial_elongation
+        same = IDLE * s.lengths + 4.0 * EPS * np.abs(s.nodes).max()
+        return slack(s, self.tensions) & (np.abs(strain) <= same)
 
     @property
     def factors(self) -> np.ndarray:
@@ -223,9 +240,14 @@ def modes(
     drawn = not hasattr(state, "structure")
     structure = state if drawn else state.structure
     if not isinstance(getattr(structure, "_slices", None), Slices):
-        raise ValueError("modes need a latinpc.Structure, whole on every rank: make one of the arrays of gather()")
+        raise ValueError(
+            "modes need a latinpc.Structure, whole on every rank, or its Result: make one by"
+            " latinpc.Structure.from_scene(scene), or of the arrays of gather()"
+        )
     if number < 1:
         raise ValueError(f"at least one mode is asked for, not {number}")
+    if load is not None and not buckling:
+        raise ValueError("load is for buckling: frequencies are those of the state, whose loads are its own")
     rigid = [law for law in RIGID if (structure.law == law).any()]
     if rigid:
         raise SolveError(
@@ -242,7 +264,7 @@ def modes(
                 found = _factors(problem, number, np.asarray(forces, dtype=float), base)
             else:
                 found = _frequencies(problem, number)
-            found.notices += unread(structure.comm, [name for name in ours if name in given])
+            found.notices += _idle(found) + unread(structure.comm, [name for name in ours if name in given])
     except PETSc.Error as reported:
         raise SolveError(errors.error_message(reported), reported.ierr) from None
     finally:
@@ -348,6 +370,17 @@ def _mechanisms(found):
     return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at {named}{cure}"]
 
 
+def _idle(found):
+    """Return a sentence on links whose stiffness a change of length would add or take away, if there are any."""
+    links = np.flatnonzero(found._idle())
+    if not links.size:
+        return []
+    named = found.structure.some_links(links[:_NAMED], links.size > _NAMED)
+    one = links.size == 1
+    said = f"{named} {'bears' if one else 'bear'} nothing and {'is' if one else 'are'} neither taut nor slack"
+    return [f"{said}: the stiffness is that of taut links, but for rounding; a prestress makes sure of it"]
+
+
 def _factors(problem, number, load, base):
     """Modes of buckling; collective."""
     structure = problem.structure
@@ -358,6 +391,7 @@ def _factors(problem, number, load, base):
         )
     if load.shape != structure.nodes.shape:
         raise ValueError(f"load must have the shape {structure.nodes.shape}, a row per node, not {load.shape}")
+    refuse(~np.isfinite(load), "node", "has an entry of load that is not finite", load)
     if not load[~structure.fixed].any():
         raise ValueError("there are no loads for a factor to multiply: give load, in N")
     _refuse_unstable(problem)
