@@ -317,6 +317,8 @@ def test_a_solver_that_fails_is_named():
 # ---- what is refused ----------------------------------------------------------------------------------------
 def test_misuse_is_named():
     """Supports, densities, laws, stiffnesses, shapes."""
+    with pytest.raises(ValueError, match="error is for natural lengths"):
+        latinpc.form_find([[0, 0], [1, 0]], [[0, 1]], [[1, 1], [0, 0]], 1.0, error=1e-3)
     given = row(density=5.0)
     part = given | {"links": given["links"][[0, 1, 2, 6, 7, 8, 9]], "density": [5.0] * 3 + [1.0] * 4}
     for wrong, said in (

@@ -95,6 +95,18 @@ def test_command_takes_densities_by_group(tmp_path):
     assert scene.prestress / scene.lengths == pytest.approx(np.where(edges, 20e3, 2e3), rel=1e-9)
 
 
+def test_densities_of_groups_that_share_links_are_refused(tmp_path):
+    """Which of them holds is not said; equal ones may be, and that of a law gives way."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix\nA,0,0,xy\nB,1,0,\nC,2,1,xy\n")
+    (tmp_path / "members.csv").write_text(
+        "start,end,law,EA,group\nA,B,cable,1e5,rim\nB,C,cable,1e5,rim; tie\nA,C,cable,1e5,\n"
+    )
+    words = "form", tmp_path, "--density", "cable=7", "--density", "rim=100", "--density"
+    said = "--density rim=100 and --density tie=200: link 2 is of both groups"
+    assert said in command(*words, "tie=200", code=2).stderr
+    command(*words, "tie=100")
+
+
 def test_the_command_line_writes_drawings(tmp_path):
     ezdxf = pytest.importorskip("ezdxf")
     command("form", CANOPY, "--density", "drawn", "--output", tmp_path / "form.dxf")

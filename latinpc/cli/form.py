@@ -166,7 +166,7 @@ def _densities(scene, texts):
     twice = [text for text in texts if list(map(_kind, texts)).count(_kind(text)) > 1]
     if twice:
         raise ValueError(f"--density {twice[0]} and --density {twice[1]} are for the same links; keep one")
-    found = np.full(len(scene.links), np.nan)
+    found, of_group = np.full(len(scene.links), np.nan), np.full(len(scene.links), "", object)
     known = _laws_and_groups(scene)
     for text in sorted(texts, key=lambda text: list(known).index(_kind(text)) if _kind(text) in known else 0):
         value = finite(text.rpartition("=")[2])
@@ -176,7 +176,14 @@ def _densities(scene, texts):
                 f"--density {text}: write a number (N/m), LAW=number or GROUP=number with one of the drawing ({names}),"
                 " or drawn"
             )
-        found[known[_kind(text)]] = value
+        chosen, group = known[_kind(text)], bool(_kind(text)) and _kind(text).upper() not in Law.__members__
+        both = np.flatnonzero(chosen & (of_group != "") & (found != value) & group)
+        if both.size:
+            raise ValueError(
+                f"--density {of_group[both[0]]} and --density {text}: link {scene.link_name(both[0])} is of both"
+                " groups; give their links a group of their own, or keep one"
+            )
+        found[chosen], of_group[chosen] = value, text if group else ""
     if np.isnan(found).any():
         law = Law(scene.law[np.flatnonzero(np.isnan(found))[0]]).name.lower()
         raise ValueError(f"--density: links of the law {law} have none; give {law}=X")

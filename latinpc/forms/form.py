@@ -20,7 +20,7 @@ from latinpc.numbering import Numbering
 from latinpc.options import default_options, given_options
 from latinpc.results.notices import LatinWarning, SolveError, warn
 from latinpc.results.tables import AXES, table, write_csv
-from latinpc.results.units import quantity
+from latinpc.results.units import counted, quantity
 from latinpc.results.unread import unread
 from latinpc.solvers import negative_pivots
 from latinpc.structure import Structure
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Form", "form_find"]
 
+ERROR = 1e-8  # of the largest force: what may be unbalanced in a form of natural lengths
 SOLVES = 4  # most solves for natural lengths, each from the last form: 1 or 2 are usual
 SOFT = 1e-9  # of the largest diagonal entry of a stiffness: negative eigenvalues that are smaller are zero
 ROUNDING = 64.0  # times eps, of EA: forces that rounding of lengths makes
@@ -196,7 +197,7 @@ class Form:
         figure = structure_figure(self._drawn(), np.zeros(self.nodes.shape), self.tensions)
         for text in figure.texts:
             if "displacement" in text.get_text():  # there is none in a form
-                text.set_text(f"{len(self.links):,} links, force densities {_range(self.densities, 'N/m')}")
+                text.set_text(f"{counted(len(self.links), 'link')}, force densities {_range(self.densities, 'N/m')}")
         return figure
 
     def to_dict(self) -> dict[str, Any]:
@@ -220,7 +221,8 @@ class Form:
         """Return a summary as lines of (label, text)."""
         low, high = self.nodes.min(axis=0), self.nodes.max(axis=0)
         size = " x ".join(f"{value:.4g}" for value in high - low)
-        lines = [("form", f"{len(self.nodes):,} nodes, {len(self.links):,} links, {size} m")]
+        sizes = f"{counted(len(self.nodes), 'node')}, {counted(len(self.links), 'link')}, {size} m"
+        lines = [("form", sizes)]
         lines.append(("tension", _range(self.tensions, "N") + " (compression negative)"))
         lines.append(("force density", _range(self.densities, "N/m")))
         if self.natural_lengths is None:
@@ -259,7 +261,7 @@ def form_find(
     mass: ArrayLike | None = None,
     area: ArrayLike | None = None,
     strength: ArrayLike | None = None,
-    error: float = 1e-8,
+    error: float | None = None,
     options: Mapping[str, Any] | None = None,
     comm: Communicator | None = None,
     name: str = "form",
@@ -292,8 +294,8 @@ def form_find(
         Lumped masses of the nodes (kg) of the structure, for its modes; they are no loads.
     area, strength : (m,) array_like of float, or float, optional
         Cross sections (m^2) and strengths of the material (Pa) of the structure, for stresses and utilisations.
-    error : float
-        Of a form of natural lengths: the largest unbalanced force, relative to the largest force.
+    error : float, optional
+        Of a form of natural lengths: the largest unbalanced force, relative to the largest force; 1e-8 by default.
     options : mapping, optional
         PETSc options by name: of the KSP of the force densities, whose prefix is ``form_``, as ``{"form_pc_type":
         "latin", "form_ksp_type": "cg"}`` (a direct factor by default), and of the SNES of natural lengths.
@@ -330,7 +332,8 @@ def form_find(
     True
     """
     checked_name(name)
-    given = _checked(nodes, links, fixed, load, law, {"density": density, "natural_length": natural_length, "EA": EA})
+    of_links = {"density": density, "natural_length": natural_length, "EA": EA}
+    given = _checked(nodes, links, fixed, load, law, of_links, error)
     nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
     checks = Checks(nodes.shape, len(links), np.dtype(float))
     more = {"mass": None if mass is None else np.array(checks.mass(mass))}
@@ -353,7 +356,7 @@ def form_find(
     else:
         form.natural_lengths = given["natural_length"]
         with default_options(theirs) as ours:
-            form = _settled(form, error)
+            form = _settled(form, ERROR if error is None else error)
             form.notices += unread(comm, ours)
     for notice in form.notices:
         warn(comm, notice)
@@ -412,11 +415,13 @@ def _lost(result, unbalance):
     return lost
 
 
-def _checked(nodes, links, fixed, load, law, of_links):
+def _checked(nodes, links, fixed, load, law, of_links, error):
     """Check and complete what is given; return arrays by name."""
     nodes, links = map(np.array, checked_shapes({"nodes": nodes, "links": links}, np.dtype(float)))
     if of_links["density"] is None and of_links["natural_length"] is None:
         raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
+    if of_links["natural_length"] is None and error is not None:
+        raise ValueError("error is for natural lengths, the form of force densities has none: leave it out")
     if of_links["natural_length"] is not None and of_links["EA"] is None:
         raise ValueError("natural lengths need the axial stiffness of the links: give EA, in N")
     if fixed is None:
