@@ -226,6 +226,7 @@ def test_an_exception_of_one_rank_is_named(mpirun):
         ("k", "has stiffness -1"),
         ("elongation", "initial elongation that is not a finite number"),
         ("save", "The state no/such/folder/state cannot be written"),
+        ("note", "The note of a state has -3 bytes: give its length, 0 for none"),
         ("read", "The state no such state cannot be read"),
     ],
 )

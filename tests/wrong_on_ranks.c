@@ -41,8 +41,9 @@ int main(int argc, char **argv)
   PetscCall(LatinStructureAttachSNES(chain, snes));
   PetscCall(SNESSetType(snes, SNESLATIN));
   PetscCall(SNESSolve(snes, NULL, u));
-  if (wrong[0] == 's') PetscCall(LatinStateSave((PetscObject)snes, u, "no/such/folder/state", 0, NULL)); /* save */
-  if (wrong[0] == 'r') PetscCall(LatinStateLoad((PetscObject)snes, u, "no such state", &n, &note));      /* read */
+  if (wrong[0] == 's') PetscCall(LatinStateSave((PetscObject)snes, u, "no/such/folder/state", 0, NULL));             /* save */
+  if (wrong[0] == 'n') PetscCall(LatinStateSave((PetscObject)snes, u, "no/such/folder/state", mine ? -3 : 2, "no")); /* note */
+  if (wrong[0] == 'r') PetscCall(LatinStateLoad((PetscObject)snes, u, "no such state", &n, &note));                  /* read */
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "nothing is wrong\n"));
   PetscCall(SNESDestroy(&snes));
   PetscCall(VecDestroy(&u));

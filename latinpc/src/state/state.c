@@ -208,6 +208,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  LatinAgree(comm, n < 0, PETSC_ERR_ARG_OUTOFRANGE, "The note of a state has %" PetscInt_FMT " bytes: give its length, 0 for none", n);
   PetscCall(LatinStateFind_Private(solver, u, &state));
   PetscCall(PetscStrendswithwhich(file, endings, &ending));
   head.hdf5       = endings[ending] ? 1.0 : 0.0;
