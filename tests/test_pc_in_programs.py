@@ -57,6 +57,24 @@ def test_a_shell_has_the_coordinates_that_it_is_given():
         assert np.array_equal(inner.query("LatinCoordinates").getArray(), places.ravel())
 
 
+def test_a_shell_that_was_set_up_becomes_ours():
+    """It is set up again: the application had met a preconditioner without a matrix."""
+    x, y = matis().createVecs()
+    x.set(1.0)
+    found = []
+    for before in (False, True):
+        pc = PETSc.PC().create(PETSc.COMM_SELF)
+        pc.setOperators(matis())
+        pc.setType("shell")
+        if before:
+            pc.setUp()
+        latinpc.pcshell_set_latin(pc)
+        pc.setUp()
+        pc.apply(x, y)
+        found.append(y.getArray().copy())
+    assert np.array_equal(*found) and found[0].any()
+
+
 @pytest.mark.parametrize("inner", ["pc", "ksp"])
 def test_fields_of_a_split_whose_whole_has_coordinates(inner):
     """PCFIELDSPLIT gives its fields none: it says so by the dimension 0."""

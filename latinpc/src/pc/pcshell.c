@@ -93,5 +93,6 @@ PetscErrorCode PCShellSetLatin(PC pc)
   PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
   PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", LatinSetCoordinates_Private));
+  pc->setupcalled = 0; /* what it was before may be set up */
   PetscFunctionReturn(0);
 }
