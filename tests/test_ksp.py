@@ -390,6 +390,19 @@ def test_no_structure():
     assert "-ksp_type latin has no structure to work on: call LatinStructureAttachKSP()" in message(ksp.setUp)
 
 
+def test_no_matrix():
+    """None yet, twice, as PETSc makes an empty one when it is asked for; and none any more, after `KSPReset()`."""
+    system = linear_system(grid("truss"))
+    x, new = system.structure.create_vec(), PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    new.setType("latin")
+    system.ksp.reset()
+    for ksp in (new, new, system.ksp):
+        assert "-ksp_type latin has no matrix yet: call KSPSetOperators()" in message(lambda ksp=ksp: ksp.solve(x, x))
+    system.ksp.setOperators(system.matrix)
+    system.ksp.solve(system.b, x)
+    assert system.ksp.getConvergedReason() > 0
+
+
 def test_another_matrix():
     """What is not the structure's tangent would be solved wrongly, so it is refused."""
     system = linear_system(grid("truss"))

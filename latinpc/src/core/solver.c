@@ -73,7 +73,7 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
 
   PetscFunctionBegin;
   PetscCall(MatAssembled(pc->pmat, &assembled));
-  PetscCheck(assembled, PetscObjectComm(solver), PETSC_ERR_ORDER, "-%s_type latin has no matrix yet: the KSP of a SNES gets the Jacobian in SNESSolve(); to set it up before, call SNESComputeJacobian() and KSPSetOperators()",
+  PetscCheck(assembled, PetscObjectComm(solver), PETSC_ERR_ORDER, "-%s_type latin has no matrix yet: call KSPSetOperators(). The KSP of a SNES gets the Jacobian in SNESSolve(); to set it up before, call SNESComputeJacobian() and KSPSetOperators()",
              solver->classid == KSP_CLASSID ? "ksp" : "pc");
   PetscCall(MatGetDM(pc->pmat, &behind));
   PetscCall(PetscObjectQuery(solver, "LatinStructure", (PetscObject *)&structure));

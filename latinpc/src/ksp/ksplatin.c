@@ -134,16 +134,16 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscFunctionReturn(0);
 }
 
-/* Checks the size of the solution vector, which PETSc does too late. Collective on ksp */
+/* Checks the size of the solution vector, which PETSc does too late; a matrix that is missing is told later. Collective on ksp */
 static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
 {
   PetscInt n, m;
 
   PetscFunctionBegin;
-  if (!ksp->vec_sol) PetscFunctionReturn(0);
+  if (!ksp->vec_sol || !ksp->pc->pmat) PetscFunctionReturn(0);
   PetscCall(VecGetLocalSize(ksp->vec_sol, &n));
   PetscCall(MatGetLocalSize(ksp->pc->pmat, NULL, &m));
-  LatinAgree(PetscObjectComm((PetscObject)ksp), n != m, PETSC_ERR_ARG_SIZ, "The solution vector has %" PetscInt_FMT " entries on a rank where the matrix has %" PetscInt_FMT " columns; make it with MatCreateVecs()", n, m);
+  LatinAgree(PetscObjectComm((PetscObject)ksp), m >= 0 && n != m, PETSC_ERR_ARG_SIZ, "The solution vector has %" PetscInt_FMT " entries on a rank where the matrix has %" PetscInt_FMT " columns; make it with MatCreateVecs()", n, m);
   PetscFunctionReturn(0);
 }
 
