@@ -80,6 +80,29 @@ def test_a_solve_that_an_error_ends_leaves_the_structure_as_it_was(make):
     assert (u.getArray() == v.getArray()).all()
 
 
+@pytest.mark.parametrize("where", ["set-up", "iteration"])
+def test_a_solve_that_an_error_ends_has_not_converged(where):
+    """The reason had stayed that of the solve before."""
+    structure = net()
+    snes, u = solved(structure)
+    assert snes.getConvergedReason() > 0
+    u.set(0.0)
+    if where == "set-up":
+        snes.reset()
+        latinpc.set_subdomains(snes, 1000)
+        with pytest.raises(PETSc.Error, match="1000 subdomains"):
+            snes.solve(None, u)
+    else:
+
+        def interrupt(_snes, _it, _norm):
+            raise Stop
+
+        snes.setMonitor(interrupt)
+        with pytest.raises((Stop, PETSc.Error)):
+            snes.solve(None, u)
+    assert snes.getConvergedReason() == 0
+
+
 def test_prescribed_displacements_that_are_no_numbers_change_nothing():
     """They are refused before they are stored, for callers in C as well."""
     structure = net()

@@ -13,6 +13,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   LatinStructure structure;
 
   PetscFunctionBegin;
+  snes->reason = SNES_CONVERGED_ITERATING; /* an error leaves no reason of an earlier solve */
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
@@ -250,7 +251,8 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  ierr = SNESLatinSolve_Private(snes);
+  snes->reason = SNES_CONVERGED_ITERATING; /* the same */
+  ierr         = SNESLatinSolve_Private(snes);
   if (ierr) {
     LatinForget(data->latin->sub.structure);
     LatinForget(data->large.frame ? data->large.frame->turns : NULL);
