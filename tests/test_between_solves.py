@@ -189,6 +189,18 @@ def test_another_dm_is_another_structure():
     assert (u - expected).norm() < 1e-9 * expected.norm()
 
 
+def test_a_structure_of_another_size_is_attached_after_its_dm():
+    """The SNES is set up for the one before: its vectors are too large."""
+    one, other = net(), net(side=4)
+    _, expected = solved(other)
+    snes, _ = solved(one)
+    snes.setDM(other.dm)
+    other.attach(snes)
+    u = other.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0 and (u - expected).norm() < 1e-9 * expected.norm()
+
+
 def test_tolerances_set_before_the_type_leave_its_other_defaults():
     """The stop stays the error, unless a step tolerance is given."""
     structure = net()

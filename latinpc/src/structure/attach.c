@@ -190,7 +190,7 @@ PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 @*/
 PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
 {
-  LatinStructure before, behind;
+  LatinStructure before, attached = NULL, behind;
   DM             dm;
 
   PetscFunctionBegin;
@@ -199,7 +199,8 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscCall(LatinStructureCheckFlies_Private(structure));
   PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)snes));
   PetscCall(SNESLatinFindStructure_Private(snes, &before));
-  if (before && before != structure) PetscCall(SNESReset(snes)); /* it is set up for another structure */
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&attached));
+  if ((before && before != structure) || (attached && attached != structure)) PetscCall(SNESReset(snes)); /* it is set up for another structure, which SNESSetDM() may have hidden */
   PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));
   if (behind != structure) {
     PetscCall(LatinStructureCloneDM_Private(structure, &dm));
