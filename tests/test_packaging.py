@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import PETSC_FOLDERS, ROOT, run
 from petsc4py import PETSc
+from support import HDF5
 from test_cli import latinpc as command
 
 import latinpc
@@ -241,6 +242,7 @@ def test_the_c_library_is_installed_without_python(tmp_path):
         f"liblatinpc.so{end}" for end in ("", ".0.1", ".0.1.0")
     }
     assert (prefix / "share" / "latinpc" / "options" / "fast.opts").is_file()
+    assert (b"H5Fopen" in (library / "liblatinpc.so").read_bytes()) == HDF5  # as in the Python package
     empty.mkdir()
     for name in ("01_net.c", "01_net.F90"):
         shutil.copy(ROOT / "examples" / name, empty)
