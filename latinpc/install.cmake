@@ -16,6 +16,7 @@ install(EXPORT latinpcTargets NAMESPACE latinpc:: DESTINATION ${package})
 file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/latinpcConfig.cmake [[
 # latinpc::latinpc, with PETSc and MPI
 include(CMakeFindDependencyMacro)
+enable_language(C) # MPI is looked for in C, also for projects of C++ or Fortran
 find_dependency(MPI COMPONENTS C)
 include(${CMAKE_CURRENT_LIST_DIR}/latinpcTargets.cmake)
 ]])

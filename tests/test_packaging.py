@@ -262,3 +262,8 @@ def test_the_c_library_is_installed_without_python(tmp_path):
     assert "1.0000 mm" in run([Path("out") / "net"], cwd=empty).stdout  # no LD_LIBRARY_PATH: CMake writes a run path
     if fortran:
         assert "1.0000 mm" in run([Path("out") / "netf"], cwd=empty).stdout
+    if shutil.which("c++"):
+        (empty / "CMakeLists.txt").write_text(CMAKE.replace("net C)", "net CXX)").replace("01_net.c", "net.cpp"))
+        (empty / "net.cpp").write_text("#include <latinpc.h>\nint main() { return 0; }\n")
+        run(["cmake", "-S", ".", "-B", "plus", f"-DCMAKE_PREFIX_PATH={prefix}"], cwd=empty)
+        run(["cmake", "--build", "plus"], cwd=empty)
