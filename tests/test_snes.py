@@ -313,13 +313,17 @@ def test_bounds_are_refused():
         assert "does not take bounds" in latinpc.error_message(caught.value)
 
 
-@pytest.mark.parametrize("choice", ["stop", "warm_start", "newton"])
+CHOICES = ("stop", "warm_start", "newton", "variant", "modes", "direction", "precision", "partitioner")
+
+
+@pytest.mark.parametrize("choice", CHOICES)
 def test_choices_that_do_not_exist_are_refused(choice):
     """As a C program may give them, by their number."""
+    more = [0.0] if choice in ("modes", "direction") else []
     with latin(lattice()) as run:
         for number in (-1, 100):
-            with pytest.raises(latinpc.LatinError, match=f"There is no .*{number}.*: take one of Latin"):
-                getattr(_latin, f"set_{choice}")(run.snes, number)
+            with pytest.raises(latinpc.LatinError, match=f"There is no choice {number}: take one of Latin"):
+                getattr(_latin, f"set_{choice}")(run.snes, number, *more)
 
 
 def test_stop_on_a_reference_needs_one():

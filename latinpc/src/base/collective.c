@@ -33,6 +33,17 @@ PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
   PetscFunctionReturn(0);
 }
 
+/* Checks the argument of a setter: a value of the enumeration whose values `names` lists from 0 on, its own name and its prefix behind them. Logically collective on object */
+PetscErrorCode LatinCheckChoice_Private(PetscObject object, const char *const names[], int choice)
+{
+  int n = 0;
+
+  PetscFunctionBegin;
+  while (names[n + 2]) n++;
+  PetscCheck(choice >= 0 && choice < n, PetscObjectComm(object), PETSC_ERR_ARG_OUTOFRANGE, "There is no choice %d: take one of %s", choice, names[n]);
+  PetscFunctionReturn(0);
+}
+
 /* *type: n units for each point of a PetscSF, which needs the basic type itself for n = 1 */
 static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
 {

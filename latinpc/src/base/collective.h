@@ -8,6 +8,7 @@
 
 PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscErrorCode mine, const char message[]);
 PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
+PETSC_INTERN PetscErrorCode LatinCheckChoice_Private(PetscObject, const char *const names[], int choice);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
 PETSC_INTERN PetscErrorCode LatinSFFresh_Private(PetscSF *);

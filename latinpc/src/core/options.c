@@ -33,7 +33,7 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
-  PetscCheck((int)variant >= LATIN_VARIANT_NONE && (int)variant <= LATIN_VARIANT_AUTO, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "There is no variant %d: take one of LatinVariant", (int)variant);
+  PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinVariants, (int)variant));
   LatinChange(latin, variant, variant);
   PetscFunctionReturn(0);
 }
@@ -57,6 +57,7 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinModesTypes, (int)type));
   PetscCheck((threshold >= 0.0 || threshold == (PetscReal)PETSC_DEFAULT) && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
              "-%smodes_local, LatinSetModes(): The threshold of local modes is %g; it is a positive number (0: none, -2: automatic)", LatinPrefix(&latin->sub)[0] ? LatinPrefix(&latin->sub) : "{snes,pc,ksp}_latin_", (double)threshold);
   LatinChange(latin, macro.type, type);
@@ -84,6 +85,7 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinDirectionTypes, (int)type));
   PetscCheck(value >= 0.0 && !PetscIsInfOrNanReal(value), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
              "-snes_latin_direction_value, LatinSetDirection(): The direction value is %g; it is a positive number (0: automatic), but for scalar directions a fraction from %g to %g", (double)value, 1.0 / LATIN_DIRECTION_RANGE,
              LATIN_DIRECTION_RANGE);
@@ -111,6 +113,7 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinPrecisions, (int)precision));
   LatinChange(latin, precision, precision);
   PetscFunctionReturn(0);
 }
@@ -187,6 +190,7 @@ PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinPartitioners, (int)partitioner));
   LatinChange(latin, partition.partitioner, partitioner);
   PetscFunctionReturn(0);
 }

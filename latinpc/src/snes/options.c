@@ -104,7 +104,7 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck((int)stop >= LATIN_STOP_INDICATOR && (int)stop <= LATIN_STOP_AUTO, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no stop %d: take one of LatinStopType", (int)stop);
+  PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinStopTypes, (int)stop));
   data                  = (SNES_Latin *)snes->data;
   data->requested       = stop;
   data->stop            = stop == LATIN_STOP_AUTO ? LATIN_STOP_ERROR : stop;
@@ -258,7 +258,7 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck((int)type >= LATIN_NEWTON_AUTO && (int)type <= LATIN_NEWTON_NEVER, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no choice %d of Newton's method: take one of LatinNewtonType", (int)type);
+  PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinNewtonTypes, (int)type));
   ((SNES_Latin *)snes->data)->newton.type = type;
   PetscFunctionReturn(0);
 }
@@ -311,7 +311,7 @@ PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck((int)warm >= LATIN_WARM_START_NONE && (int)warm <= LATIN_WARM_START_EXTRAPOLATE, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "There is no warm start %d: take one of LatinWarmStart", (int)warm);
+  PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinWarmStarts, (int)warm));
   ((SNES_Latin *)snes->data)->warm = warm;
   PetscFunctionReturn(0);
 }

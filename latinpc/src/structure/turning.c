@@ -342,8 +342,7 @@ PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCheck(geometry >= LATIN_GEOMETRY_LINEAR && geometry <= LATIN_GEOMETRY_LARGE, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE,
-             "There is no geometry %d: take LATIN_GEOMETRY_LINEAR, LATIN_GEOMETRY_PRESTRESS or LATIN_GEOMETRY_LARGE", (int)geometry);
+  PetscCall(LatinCheckChoice_Private((PetscObject)structure, LatinGeometries, (int)geometry));
   if (geometry == structure->geometry) PetscFunctionReturn(0);
   before              = structure->geometry;
   structure->geometry = geometry;
