@@ -222,6 +222,7 @@ def test_an_exception_of_one_rank_is_named(mpirun):
     ("wrong", "said"),
     [
         ("dimension", "A structure has 1, 2 or 3 dimensions, not 7"),
+        ("apart", "A rank gives 2 dimensions, and the first rank 1"),
         ("link", "joins node"),
         ("k", "has stiffness -1"),
         ("elongation", "initial elongation that is not a finite number"),

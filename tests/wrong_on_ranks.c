@@ -27,10 +27,10 @@ int main(int argc, char **argv)
     ends[2 * i]     = 2 * rank + i;
     ends[2 * i + 1] = ends[2 * i] + 1;
   }
-  if (mine && wrong[0] == 'l') ends[1] = ends[0];                                                                      /* link */
-  if (mine && wrong[0] == 'e') e0[0] = NAN;                                                                            /* elongation */
-  if (mine && wrong[0] == 'k') stiffness[0] = -1.0;                                                                    /* k */
-  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, wrong[0] == 'd' ? 7 : 1, nodes, PETSC_DECIDE, x, 2, ends, &chain)); /* dimension */
+  if (mine && wrong[0] == 'l') ends[1] = ends[0];                                                                                                   /* link */
+  if (mine && wrong[0] == 'e') e0[0] = NAN;                                                                                                         /* elongation */
+  if (mine && wrong[0] == 'k') stiffness[0] = -1.0;                                                                                                 /* k */
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, wrong[0] == 'd' ? 7 : wrong[0] == 'a' ? 1 + rank : 1, nodes, PETSC_DECIDE, x, 2, ends, &chain)); /* dimension, apart */
   PetscCall(LatinStructureSetLaws(chain, law, stiffness, e0));
   PetscCall(LatinStructureSetSupports(chain, fixed, NULL));
   PetscCall(LatinStructureSetLoads(chain, force));

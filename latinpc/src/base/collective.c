@@ -1,4 +1,5 @@
 #include "collective.h"
+#include <petsc/private/petscimpl.h>
 
 /*
    An error on one rank must end the call on all ranks, or the others deadlock in the next collective call. All ranks raise the
@@ -39,6 +40,7 @@ PetscErrorCode LatinCheckChoice_Private(PetscObject object, const char *const na
   int n = 0;
 
   PetscFunctionBegin;
+  PetscValidLogicalCollectiveInt(object, choice, 2);
   while (names[n + 2]) n++;
   PetscCheck(choice >= 0 && choice < n, PetscObjectComm(object), PETSC_ERR_ARG_OUTOFRANGE, "There is no choice %d: take one of %s", choice, names[n]);
   PetscFunctionReturn(0);

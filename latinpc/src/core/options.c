@@ -58,6 +58,7 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinModesTypes, (int)type));
+  PetscValidLogicalCollectiveReal(latin, threshold, 3);
   PetscCheck((threshold >= 0.0 || threshold == (PetscReal)PETSC_DEFAULT) && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
              "-%smodes_local, LatinSetModes(): The threshold of local modes is %g; it is a positive number (0: none, -2: automatic)", LatinPrefix(&latin->sub)[0] ? LatinPrefix(&latin->sub) : "{snes,pc,ksp}_latin_", (double)threshold);
   LatinChange(latin, macro.type, type);
@@ -86,6 +87,7 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinDirectionTypes, (int)type));
+  PetscValidLogicalCollectiveReal(latin, value, 3);
   PetscCheck(value >= 0.0 && !PetscIsInfOrNanReal(value), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
              "-snes_latin_direction_value, LatinSetDirection(): The direction value is %g; it is a positive number (0: automatic), but for scalar directions a fraction from %g to %g", (double)value, 1.0 / LATIN_DIRECTION_RANGE,
              LATIN_DIRECTION_RANGE);
@@ -134,6 +136,7 @@ PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscValidLogicalCollectiveInt(latin, subdomains, 2);
   PetscCheck(subdomains >= 0, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%" PetscInt_FMT " subdomains: the number is positive (0: automatic)", subdomains);
   LatinChange(latin, partition.subdomains, subdomains);
   PetscFunctionReturn(0);

@@ -134,6 +134,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscValidLogicalCollectiveReal(snes, error, 2);
   PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
   data = (SNES_Latin *)snes->data;
   if (data->requested == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* even with a step tolerance */
@@ -165,6 +166,7 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscValidLogicalCollectiveReal(snes, error, 2);
   PetscCheck((error > 0.0 && !PetscIsInfOrNanReal(error)) || error == (PetscReal)PETSC_DEFAULT, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "-snes_latin_tension_error is a relative error, positive and finite, for example 1e-3, not %g", (double)error);
   ((SNES_Latin *)snes->data)->tension_target = error;
@@ -195,6 +197,7 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscValidLogicalCollectiveReal(snes, balance, 2);
   PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the largest unbalance relative to the loads, positive and finite, for example 1e-2, not %g",
              (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
@@ -225,6 +228,7 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscValidLogicalCollectiveReal(snes, force, 2);
   PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_largest_unbalance is the largest unbalanced force on a node, for example 1 (N), or 0 for any, not %g",
              (double)force);
   ((SNES_Latin *)snes->data)->unbalance = force;
@@ -278,10 +282,13 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 @*/
 PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
 {
-  SNES_Latin *data;
+  const PetscBool given = (PetscBool)(reference != NULL);
+  SNES_Latin     *data;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscValidLogicalCollectiveBool(snes, given, 2);
+  if (given) PetscValidHeaderSpecific(reference, VEC_CLASSID, 2);
   data = (SNES_Latin *)snes->data;
   if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
   PetscCall(VecDestroy(&data->reference));

@@ -94,11 +94,14 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   const PetscInt n = dim * nodes_local;
   LatinStructure l;
   PetscInt       in[2] = {nodes_local, links_local}, out[2], start[2], bad = -1, self = -1;
+  PetscInt       first     = dim;
   PetscReal      counts[2] = {nodes_local, links_local};
 
   PetscFunctionBegin;
   PetscCall(LatinRegisterClasses_Private());
   LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
+  PetscCallMPI(MPI_Bcast(&first, 1, MPIU_INT, 0, comm));
+  LatinAgree(comm, dim != first, PETSC_ERR_ARG_WRONG, "A rank gives %" PetscInt_FMT " dimensions, and the first rank %" PetscInt_FMT ": a structure has the same on all ranks", dim, first);
   LatinAgree(comm, nodes_local < 0 || links_local < 0, PETSC_ERR_ARG_OUTOFRANGE, "A rank gives %" PetscInt_FMT " nodes and %" PetscInt_FMT " links; numbers of them are not negative", nodes_local, links_local);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_REAL, MPIU_SUM, comm)); /* sums of integers could overflow */
   PetscCheck(dim * counts[0] <= (PetscReal)PETSC_MAX_INT && PetscMax(dim, 2) * counts[1] <= (PetscReal)PETSC_MAX_INT, comm, PETSC_ERR_ARG_OUTOFRANGE,
