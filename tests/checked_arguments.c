@@ -44,6 +44,111 @@ static PetscErrorCode Differ(PetscMPIInt rank, LatinStructure chain, SNES snes, 
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode NoHandles(Vec u)
+{
+  PetscReal       x[4]     = {0.0};
+  PetscInt        law[1]   = {0}, n;
+  PetscBool       fixed[2] = {PETSC_FALSE, PETSC_FALSE};
+  LatinStatistics statistics;
+  LatinCost       cost;
+  Latin           latin;
+  KSP             ksp;
+  SNES            outer;
+  DM              dm;
+
+  PetscFunctionBegin;
+  Refused(LatinStructureSetLaws(NULL, law, x, x));
+  Refused(LatinStructureSetDirections(NULL, x));
+  Refused(LatinStructureSetFriction(NULL, x));
+  Refused(LatinStructureSetPrestress(NULL, x));
+  Refused(LatinStructureSetSupports(NULL, fixed, x));
+  Refused(LatinStructureSetPrescribed(NULL, x));
+  Refused(LatinStructureSetLoads(NULL, x));
+  Refused(LatinStructureSetMass(NULL, x));
+  Refused(LatinStructureSetUp(NULL));
+  Refused(LatinStructureGetDM(NULL, &dm));
+  Refused(LatinStructureGetSizes(NULL, &n, NULL, NULL, NULL));
+  Refused(LatinStructureComputeResidual(NULL, u, u));
+  Refused(LatinGetStatistics(NULL, &statistics));
+  Refused(LatinGetCost(NULL, &cost));
+  Refused(LatinGetLocalKSP(NULL, 0, &ksp));
+  Refused(SNESLatinGetLatin(NULL, &latin));
+  Refused(SNESLatinGetOuter(NULL, &outer));
+  Refused(SNESLatinGetTensions(NULL, x));
+  Refused(PCShellSetLatin(NULL));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode NoArrays(LatinStructure chain)
+{
+  const PetscReal x[2]    = {0.0, 1.0};
+  const PetscInt  ends[2] = {0, 1};
+  LatinStructure  other;
+  PetscInt        law;
+
+  PetscFunctionBegin;
+  Refused(LatinLawRegister(NULL, NULL, NULL));
+  Refused(LatinLawRegister("law", NULL, &law));
+  Refused(LatinLawRegisterTable("law", 2, NULL, NULL, &law));
+  Refused(LatinLawRegisterTable("law", 2, x, x, NULL));
+  Refused(LatinStructureCreate(PETSC_COMM_WORLD, 1, 2, 2, NULL, 1, ends, &other));
+  Refused(LatinStructureCreate(PETSC_COMM_WORLD, 1, 2, 2, x, 1, NULL, &other));
+  Refused(LatinStructureSetLaws(chain, NULL, x, NULL));
+  Refused(LatinStructureSetLaws(chain, ends, NULL, NULL));
+  Refused(LatinStructureSetPrestress(chain, NULL));
+  Refused(LatinStructureSetLoads(chain, NULL));
+  Refused(LatinStructureSetMass(chain, NULL));
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, 1, 2, 2, x, 1, ends, &other));
+  Refused(LatinStructureSetSupports(other, NULL, NULL));
+  Refused(LatinStructureSetDirections(other, NULL));
+  Refused(LatinStructureSetFriction(other, NULL));
+  PetscCall(LatinStructureDestroy(&other));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode NoRoom(LatinStructure chain, SNES snes, Latin latin, Vec u)
+{
+  const PetscReal *const none[1] = {NULL};
+  PetscReal *const       room[1] = {NULL};
+  PetscInt               stages[1];
+  KSP                    ksp;
+  PC                     pc;
+
+  PetscFunctionBegin;
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, &ksp));
+  PetscCall(KSPSetType(ksp, KSPLATIN));
+  PetscCall(PCCreate(PETSC_COMM_WORLD, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  Refused(LatinLawGetName(0, NULL));
+  Refused(LatinLawGetStiffness(0, NULL));
+  Refused(LatinLawGetTension(0, 1.0, 1.0, NULL));
+  Refused(LatinStructureDestroy(NULL));
+  Refused(LatinStructureGetGeometry(chain, NULL));
+  Refused(LatinStructureGetDM(chain, NULL));
+  Refused(LatinStructureComputeEnergy(chain, u, NULL));
+  Refused(LatinStructureComputeKineticEnergy(chain, u, NULL));
+  Refused(LatinStructureComputeErrors(chain, u, u, NULL, NULL));
+  Refused(LatinStructureGetTensions(chain, u, NULL));
+  Refused(SNESLatinGetLatin(snes, NULL));
+  Refused(SNESLatinSolveCases(snes, 1, none, none, none, NULL, NULL, NULL));
+  Refused(SNESLatinSolveCases(snes, 1, none, none, none, room, room, stages));
+  Refused(SNESLatinSolveCases(snes, -1, NULL, NULL, NULL, NULL, NULL, NULL));
+  Refused(SNESLatinGetTensionError(snes, NULL));
+  Refused(SNESLatinGetTensions(snes, NULL));
+  Refused(SNESLatinGetOuter(snes, NULL));
+  Refused(LatinStateSave((PetscObject)snes, u, NULL, 0, NULL));
+  Refused(LatinStateLoad((PetscObject)snes, u, "no such state", NULL, NULL));
+  Refused(KSPLatinGetLatin(ksp, NULL));
+  Refused(KSPLatinGetOuter(ksp, NULL));
+  Refused(PCLatinGetLatin(pc, NULL));
+  Refused(LatinGetLocalKSP(latin, 0, NULL));
+  Refused(LatinGetCoarseKSP(latin, NULL));
+  Refused(LatinGetCost(latin, NULL));
+  PetscCall(KSPDestroy(&ksp));
+  PetscCall(PCDestroy(&pc));
+  PetscFunctionReturn(0);
+}
+
 int main(int argc, char **argv)
 {
   const PetscInt  law[1]       = {LATIN_LAW_BAR};
@@ -77,8 +182,13 @@ int main(int argc, char **argv)
   PetscCall(LatinStructureAttachSNES(chain, snes));
   PetscCall(SNESSetType(snes, SNESLATIN));
   PetscCall(SNESLatinGetLatin(snes, &latin));
-  PetscCall(Differ(rank, chain, snes, latin, u));
+  if (size > 1) PetscCall(Differ(rank, chain, snes, latin, u));
   PetscCall(SNESSolve(snes, NULL, u)); /* nothing of it has stayed */
+  if (size == 1) {
+    PetscCall(NoHandles(u));
+    PetscCall(NoArrays(chain));
+    PetscCall(NoRoom(chain, snes, latin, u));
+  }
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%d calls refused\n", refused));
   PetscCall(SNESDestroy(&snes));
   PetscCall(VecDestroy(&u));

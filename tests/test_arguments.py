@@ -13,3 +13,9 @@ def test_values_that_differ_are_refused(compile_c, ranks):
     program = compile_c("checked_arguments.c", *LINKED)
     found = run(["mpirun", "-n", ranks, program], timeout=60, leaks=False)
     assert found.stdout == "18 calls refused\n"
+
+
+def test_what_is_not_there_is_refused(compile_c):
+    """No handle, no array, no room for a result: an error in place of a crash."""
+    found = run([compile_c("checked_arguments.c", *LINKED)], leaks=False)
+    assert found.stdout == "58 calls refused\n"

@@ -226,6 +226,8 @@ def test_an_exception_of_one_rank_is_named(mpirun):
         ("link", "joins node"),
         ("k", "has stiffness -1"),
         ("elongation", "initial elongation that is not a finite number"),
+        ("types", "needs a law, but the array is NULL"),
+        ("force", "needs a load, but the array is NULL"),
         ("save", "The state no/such/folder/state cannot be written"),
         ("note", "The note of a state has -3 bytes: give its length, 0 for none"),
         ("read", "The state no such state cannot be read"),

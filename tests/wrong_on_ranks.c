@@ -31,9 +31,9 @@ int main(int argc, char **argv)
   if (mine && wrong[0] == 'e') e0[0] = NAN;                                                                                                         /* elongation */
   if (mine && wrong[0] == 'k') stiffness[0] = -1.0;                                                                                                 /* k */
   PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, wrong[0] == 'd' ? 7 : wrong[0] == 'a' ? 1 + rank : 1, nodes, PETSC_DECIDE, x, 2, ends, &chain)); /* dimension, apart */
-  PetscCall(LatinStructureSetLaws(chain, law, stiffness, e0));
+  PetscCall(LatinStructureSetLaws(chain, mine && wrong[0] == 't' ? NULL : law, stiffness, e0));
   PetscCall(LatinStructureSetSupports(chain, fixed, NULL));
-  PetscCall(LatinStructureSetLoads(chain, force));
+  PetscCall(LatinStructureSetLoads(chain, mine && wrong[0] == 'f' ? NULL : force));
   PetscCall(LatinStructureSetUp(chain));
   PetscCall(LatinStructureGetDM(chain, &dm));
   PetscCall(DMCreateGlobalVector(dm, &u));

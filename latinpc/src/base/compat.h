@@ -7,6 +7,11 @@
 
 #include <petscsnes.h>
 
+/* 3.20 */
+#if PETSC_VERSION_LT(3, 20, 0)
+  #define PetscAssertPointer(pointer, place) PetscValidPointer(pointer, place)
+#endif
+
 /* 3.21 */
 #if PETSC_VERSION_LT(3, 21, 0)
   #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)

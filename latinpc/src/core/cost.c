@@ -21,6 +21,7 @@ PetscErrorCode LatinGetCost(Latin latin, LatinCost *cost)
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
+  PetscAssertPointer(cost, 2);
   for (PetscInt b = 0; b < latin->solvers.n; b++) {
     PetscReal operations, bytes;
     PC        pc;

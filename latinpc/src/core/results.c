@@ -29,10 +29,11 @@ PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistic
   const LatinInterfaces *inter = &latin->inter;
   MPI_Comm               comm  = PetscObjectComm((PetscObject)latin);
   LatinStatistics        all;
-  PetscReal              range[2] = {-PETSC_MAX_REAL, 0.0}, sum[2] = {0.0, inter->sides};
+  PetscReal              range[2] = {-PETSC_MAX_REAL, 0.0}, sum[2] = {0.0, 0.0};
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
+  sum[1] = inter->sides;
   for (PetscInt k = 0; k < inter->sides; k++) {
     range[0] = PetscMax(range[0], -latin->dir.d[k]);
     range[1] = PetscMax(range[1], latin->dir.d[k]);
@@ -100,6 +101,7 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
+  PetscAssertPointer(is, 3);
   first = sub->bs * sub->node_offset[i];
   last  = sub->bs * sub->node_offset[i + 1];
   PetscCall(PetscMalloc1(last - first, &list));
@@ -189,6 +191,7 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
+  PetscAssertPointer(ksp, 3);
   PetscCall(LatinSubstructuresFill(&latin->linear));
   for (PetscInt b = 0; b < batches->n; b++)
     for (PetscInt k = 0; k < batches->batch[b].members; k++)
@@ -210,6 +213,7 @@ PetscErrorCode LatinGetCoarseKSP(Latin latin, KSP *ksp)
 {
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
+  PetscAssertPointer(ksp, 2);
   *ksp = latin->coarse.ksp;
   PetscFunctionReturn(0);
 }

@@ -396,6 +396,7 @@ PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
   PetscCall(LatinCheckType_Private((PetscObject)ksp));
+  PetscAssertPointer(latin, 2);
   *latin = ((KSP_Latin *)ksp->data)->latin;
   PetscFunctionReturn(0);
 }
@@ -416,6 +417,7 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
   PetscCall(LatinCheckType_Private((PetscObject)ksp));
+  PetscAssertPointer(outer, 2);
   *outer = ((KSP_Latin *)ksp->data)->outer;
   PetscFunctionReturn(0);
 }

@@ -357,6 +357,7 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
   PetscFunctionBegin;
   PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
   PetscCall(LatinCheckType_Private((PetscObject)pc));
+  PetscAssertPointer(latin, 2);
   *latin = ((PC_Latin *)pc->data)->latin;
   PetscFunctionReturn(0);
 }

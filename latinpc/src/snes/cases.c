@@ -62,6 +62,12 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck(n >= 0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "%" PetscInt_FMT " load cases: their number is not negative", n);
+  if (n) {
+    PetscAssertPointer(displacement, 6);
+    PetscAssertPointer(tension, 7);
+    PetscAssertPointer(stages, 8);
+  }
   data = (SNES_Latin *)snes->data;
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The SNES has no structure: give it one with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
@@ -72,6 +78,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(SNESLatinStageLimit(snes), LATIN_CASE_STAGES)};
   PetscCall(LatinNewtonOwn_Private(structure, &small));
   if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */
+  for (PetscInt i = 0; i < n; i++) PetscCheck(displacement[i] && tension[i], PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_NULL, "Load case %" PetscInt_FMT " has no room for its results: its displacement or its tension is NULL", i);
   PetscCall(PetscMalloc1(n, &one));
   for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load ? load[i] : NULL, .prescribed = prescribed ? prescribed[i] : NULL, .e0 = e0 ? e0[i] : NULL, .displacement = displacement[i], .tension = tension[i]};
   PetscCall(LatinCasesSolve_Private(structure, &goal, n, one));

@@ -13,6 +13,7 @@ PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(latin, 2);
   *latin = ((SNES_Latin *)snes->data)->latin;
   PetscFunctionReturn(0);
 }
@@ -93,6 +94,7 @@ PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(error, 2);
   data   = (SNES_Latin *)snes->data;
   *error = SNESLatinEstimates(data) ? data->estimate.tensions : -1.0;
   PetscFunctionReturn(0);
@@ -144,6 +146,7 @@ PetscErrorCode SNESLatinGetBranch(SNES snes, PetscBool *begins)
   PetscCall(SNESLatinCheck_Private(snes));
   data = (SNES_Latin *)snes->data;
   PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large and solve first");
+  PetscAssertPointer(begins, 2);
   *begins = (PetscBool)(data->large.branch >= 0.0 && data->large.reached < 1.0);
   PetscFunctionReturn(0);
 }
@@ -238,6 +241,7 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   PetscCheck(u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no solution yet: call SNESSolve() first");
+  if (structure->links_local) PetscAssertPointer(tension, 2);
   PetscCall(LatinSolverTensions_Private(snes, structure, u, tension));
   PetscFunctionReturn(0);
 }
@@ -264,6 +268,7 @@ PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(outer, 2);
   PetscCall(SNESLatinCreateOuter_Private(snes));
   *outer = ((SNES_Latin *)snes->data)->outer;
   PetscFunctionReturn(0);

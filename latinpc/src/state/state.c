@@ -331,6 +331,7 @@ PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], Pets
 {
   PetscFunctionBegin;
   PetscValidHeader(solver, 1);
+  PetscAssertPointer(file, 3);
   LatinWatch(PetscObjectComm(solver), LatinStateSave_Private(solver, u, file, n, note));
   PetscFunctionReturn(0);
 }
@@ -360,6 +361,9 @@ PetscErrorCode LatinStateLoad(PetscObject solver, Vec u, const char file[], Pets
 {
   PetscFunctionBegin;
   PetscValidHeader(solver, 1);
+  PetscAssertPointer(file, 3);
+  PetscAssertPointer(n, 4);
+  PetscAssertPointer(note, 5);
   LatinWatch(PetscObjectComm(solver), LatinStateLoad_Private(solver, u, file, n, note));
   PetscFunctionReturn(0);
 }

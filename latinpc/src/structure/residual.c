@@ -161,6 +161,7 @@ PetscErrorCode LatinStructureComputeEnergy(LatinStructure structure, Vec u, Pets
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
+  PetscAssertPointer(energy, 3);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureComputeEnergy_Private(structure, u, energy));
   PetscFunctionReturn(0);
 }

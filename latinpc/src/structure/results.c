@@ -45,6 +45,8 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCall(LatinStructureCheckVec_Private(structure, reference));
+  PetscAssertPointer(l2, 4);
+  PetscAssertPointer(energy, 5);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureComputeErrors_Private(structure, u, reference, l2, energy));
   PetscFunctionReturn(0);
 }
@@ -63,6 +65,7 @@ PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscR
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
+  if (structure->links_local) PetscAssertPointer(tension, 3);
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
              "Tensions of links of the rigid law %s are not a function of the displacements: call SNESLatinGetTensions() on the SNES latin that has solved for them (in Python, latinpc.tensions(snes))", LatinLaws[structure->rigid_law].name);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureTensions_Private(structure, NULL, u, tension));

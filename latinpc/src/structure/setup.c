@@ -374,6 +374,7 @@ PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscAssertPointer(dm, 2);
   *dm = structure->dm;
   PetscFunctionReturn(0);
 }

@@ -32,6 +32,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   LatinStructure l;
 
   PetscFunctionBegin;
+  PetscAssertPointer(structure, 1);
   if (!*structure) PetscFunctionReturn(0);
   PetscValidHeaderSpecific(*structure, LATIN_STRUCTURE_CLASSID, 1);
   l = *structure;
@@ -110,6 +111,7 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   PetscCallMPI(MPI_Scan(in, start, 2, MPIU_INT, MPI_SUM, comm));
   LatinAgree(comm, nodes_global != PETSC_DETERMINE && nodes_global != out[0], PETSC_ERR_ARG_SIZ, "The ranks give %" PetscInt_FMT " nodes in all, not the %" PetscInt_FMT " announced", out[0], nodes_global);
   LatinAgree(comm, out[1] == 0, PETSC_ERR_ARG_SIZ, "The structure has no link: there is nothing to solve");
+  PetscCall(LatinCheckArray_Private(comm, "Link", start[1] - links_local, links_local, link_nodes, "two nodes"));
   for (PetscInt i = 0; i < links_local; i++) {
     const PetscInt a = link_nodes[2 * i], b = link_nodes[2 * i + 1];
 
@@ -211,9 +213,8 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
 @*/
 PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
-  const PetscInt n = structure->links_local;
   MPI_Comm       comm;
-  PetscInt       badlaw = -1, badk = -1, *laws;
+  PetscInt       n, badlaw = -1, badk = -1, *laws;
   PetscReal     *stiffnesses, *elongations;
   PetscErrorCode refused;
   char           list[256] = "0 (bar)";
@@ -222,6 +223,9 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   comm = PetscObjectComm((PetscObject)structure);
+  n    = structure->links_local;
+  PetscCall(LatinCheckArray_Private(comm, "Link", structure->links_start, n, law, "a law"));
+  PetscCall(LatinCheckArray_Private(comm, "Link", structure->links_start, n, stiffness, "a stiffness"));
   for (PetscInt l = 0; l < n; l++) {
     const PetscBool known = (PetscBool)(law[l] >= 0 && law[l] < LatinLawCount);
 
@@ -284,6 +288,7 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCall(LatinCheckArray_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, prestress, "a prestress"));
   PetscCall(PetscCalloc1(structure->links_local, &e0));
   for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
     const PetscReal k = structure->stiffness[l], T = prestress[l];
@@ -335,6 +340,7 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp(); LatinStructureSetPrescribed() changes their displacements after it");
+  PetscCall(LatinCheckArray_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, fixed, "its supports, or none"));
   PetscCall(LatinStructurePrescribe_Private(structure, fixed, prescribed));
   PetscCall(PetscArraycpy(structure->fixed, fixed, structure->dim * structure->nodes_local));
   PetscFunctionReturn(0);
@@ -393,10 +399,11 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
-  const PetscInt dim = structure->dim;
+  PetscInt dim;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  dim = structure->dim;
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
   PetscCall(LatinStructureDirections_Private(structure));

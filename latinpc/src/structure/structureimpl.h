@@ -163,6 +163,7 @@ static inline PetscBool LatinStructureTuned(const LatinStructure structure, Pets
 }
 
 /* ---- vectors, checks of arguments (structure/vectors.c) ---- */
+PETSC_INTERN PetscErrorCode LatinCheckArray_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, const void *array, const char what[]);
 PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, PetscObject solver);
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);

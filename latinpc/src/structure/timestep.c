@@ -81,6 +81,7 @@ PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec 
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, v));
+  PetscAssertPointer(energy, 3);
   PetscCall(LatinStructureInertia_Private(structure));
   PetscCall(LatinDiagonalProduct_Private(structure->inertia, v, v, energy));
   *energy *= 0.5;

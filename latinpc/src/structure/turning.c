@@ -369,6 +369,7 @@ PetscErrorCode LatinStructureGetGeometry(LatinStructure structure, LatinGeometry
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscAssertPointer(geometry, 2);
   *geometry = structure->geometry;
   PetscFunctionReturn(0);
 }

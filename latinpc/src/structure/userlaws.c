@@ -86,6 +86,7 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 {
   PetscFunctionBegin;
+  PetscAssertPointer(name, 2);
   *name = law < 0 || law >= LatinLawCount ? NULL : LatinLaws[law].name;
   PetscFunctionReturn(0);
 }
@@ -109,6 +110,7 @@ PetscErrorCode LatinLawGetStiffness(PetscInt law, PetscReal *stiffness)
 {
   PetscFunctionBegin;
   PetscCheck(law >= 0 && law < LatinLawCount, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "There is no law %" PetscInt_FMT "; laws are numbered from 0 to %" PetscInt_FMT, law, LatinLawCount - 1);
+  PetscAssertPointer(stiffness, 2);
   *stiffness = LatinLaws[law].stiffness;
   PetscFunctionReturn(0);
 }
@@ -135,6 +137,7 @@ PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal s
   PetscReal own;
 
   PetscFunctionBegin;
+  PetscAssertPointer(tension, 4);
   PetscCall(LatinLawGetStiffness(law, &own));
   PetscCheck(!LatinLaws[law].rigid, PETSC_COMM_SELF, PETSC_ERR_SUP, "The law %s is rigid: its tension is no function of the strain. SNESLatinGetTensions() gives that of a solution", LatinLaws[law].name);
   *tension = LatinLaws[law].tension(stiffness > 0.0 ? stiffness : own, strain, LatinLaws[law].ctx);
@@ -161,6 +164,9 @@ PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal s
 PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *functions, PetscInt *law)
 {
   PetscFunctionBegin;
+  PetscAssertPointer(name, 1);
+  PetscAssertPointer(functions, 2);
+  PetscAssertPointer(law, 3);
   PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
              name);
   PetscCall(LatinRegisterClasses_Private());
@@ -217,7 +223,11 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
   LatinTable       *table;
 
   PetscFunctionBegin;
+  PetscAssertPointer(name, 1);
   PetscCheck(n >= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ, "The law %s has %" PetscInt_FMT " points; a piecewise linear law takes two or more", name, n);
+  PetscAssertPointer(strain, 3);
+  PetscAssertPointer(tension, 4);
+  PetscAssertPointer(law, 5);
   for (PetscInt i = 0; i < n; i++) {
     PetscCheck(!PetscIsInfOrNanReal(strain[i]) && !PetscIsInfOrNanReal(tension[i]), PETSC_COMM_SELF, PETSC_ERR_FP, "Point %" PetscInt_FMT " of the law %s is not a pair of finite numbers", i, name);
     if (!i) continue;

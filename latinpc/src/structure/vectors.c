@@ -56,12 +56,21 @@ PetscErrorCode LatinStructureCheckMat_Private(LatinStructure structure, Mat J)
   PetscFunctionReturn(0);
 }
 
+/* Checks that there is an array for the nodes or links of this rank, unless it has none. Collective on comm */
+PetscErrorCode LatinCheckArray_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, const void *array, const char what[])
+{
+  PetscFunctionBegin;
+  LatinAgree(comm, n > 0 && !array, PETSC_ERR_ARG_NULL, "%s %" PetscInt_FMT " needs %s, but the array is NULL", kind, start, what);
+  PetscFunctionReturn(0);
+}
+
 /* Checks that numbers of nodes or links, `each` per node or link, are finite, and >= 0 unless `negative`. Collective on comm */
 PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[])
 {
   PetscInt bad = -1;
 
   PetscFunctionBegin;
+  PetscCall(LatinCheckArray_Private(comm, kind, start, n, value, what));
   for (PetscInt i = 0; i < n * each && bad < 0; i++)
     if (PetscIsInfOrNanReal(value[i]) || (!negative && value[i] < 0.0)) bad = i;
   LatinAgree(comm, bad >= 0, negative ? PETSC_ERR_FP : PETSC_ERR_ARG_OUTOFRANGE, "%s %" PetscInt_FMT " has %s that is not a finite number%s: %g", kind, start + bad / each, what, negative ? "" : ", zero or more", (double)value[bad]);
