@@ -75,6 +75,81 @@ def test_a_shell_that_was_set_up_becomes_ours():
     assert np.array_equal(*found) and found[0].any()
 
 
+def test_a_shell_has_the_structure_that_it_is_given():
+    """For a matrix that does not know it, as PC latin itself."""
+    ends = [[i, j] for i in range(len(NODES)) for j in range(i) if abs(NODES[i] - NODES[j]).max() <= 1.0]
+    structure = latinpc.Structure(
+        NODES, ends, "bar", 1.0, fixed=np.repeat(NODES[:, :1] == 0.0, 2, axis=1), comm=PETSc.COMM_SELF
+    )
+    tangent = structure.dm.createMat()
+    structure.jacobian(structure.create_vec(), tangent)
+    matrix = PETSc.Mat().createAIJ(tangent.getSizes(), csr=tangent.getValuesCSR(), comm=PETSc.COMM_SELF)
+    x, y = matrix.createVecs()
+    x.set(1.0)
+    found = []
+    for shell in (False, True):
+        pc = PETSc.PC().create(PETSc.COMM_SELF)
+        pc.setOperators(matrix)
+        pc.setType("shell" if shell else "latin")
+        if shell:
+            latinpc.pcshell_set_latin(pc)
+        structure.attach(pc)
+        pc.setUp()
+        pc.apply(x, y)
+        found.append(y.getArray().copy())
+    assert np.array_equal(*found) and found[0].any()
+
+
+def test_a_choice_after_the_set_up_is_one_set_up():
+    """It had been two: when it was applied, and at the next solve."""
+    PETSc.Log.begin()
+    event = PETSc.Log.Event("LatinSetUp")
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    matrix = matis()
+    ksp.setOperators(matrix)
+    ksp.setType("cg")
+    ksp.getPC().setType("latin")
+    x, b = matrix.createVecs()
+    b.set(1.0)
+    ksp.solve(b, x)
+    before = event.getPerfInfo()["count"]
+    latinpc.set_variant(ksp.getPC(), "macro")
+    for _ in range(3):
+        ksp.solve(b, x)
+    assert event.getPerfInfo()["count"] == before + 1
+
+
+def test_the_matrix_of_ksp_latin_may_be_assembled():
+    """A floating one, whose kernel the MATIS beside it knows: springs that hold it are no part of the matrix."""
+    n = 20
+    rods = 2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1)
+    rods[[0, -1], [0, -1]] = 1.0
+    local = PETSc.Mat().createDense(rods.shape, array=rods, comm=PETSc.COMM_SELF).convert("aij")
+    matrix = PETSc.Mat().create(PETSc.COMM_SELF)
+    matrix.setSizes(n + 1)
+    matrix.setType("is")
+    matrix.setLGMap(*2 * [PETSc.LGMap().create(range(n + 1), comm=PETSc.COMM_SELF)])
+    matrix.setISLocalMat(local)
+    matrix.assemble()
+    kernel = PETSc.NullSpace().create(constant=True, comm=PETSc.COMM_SELF)
+    whole = local.copy()
+    x, b = matrix.createVecs()
+    b.setArray(np.sin(np.arange(n + 1)))
+    kernel.remove(b)
+    for given in (matrix, whole):
+        given.setNullSpace(kernel)
+        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp.setType("latin")
+        ksp.setOperators(given, matrix)
+        ksp.solve(b, x)
+        assert ksp.getConvergedReason() > 0
+        assert rods @ x.getArray() == pytest.approx(b.getArray(), abs=1e-9)
+    whole.shift(1e-3)
+    with pytest.raises(PETSc.Error) as caught:
+        ksp.solve(b, x)
+    assert "is not the MATIS that it is set up from" in latinpc.error_message(caught.value)
+
+
 @pytest.mark.parametrize("inner", ["pc", "ksp"])
 def test_fields_of_a_split_whose_whole_has_coordinates(inner):
     """PCFIELDSPLIT gives its fields none: it says so by the dimension 0."""

@@ -33,13 +33,13 @@ typedef struct {
 typedef struct {
   MPI_Comm      comm; /* of this factor alone */
   PetscMPIInt   rank;
-  PetscInt      n;                  /* rows of the part of this rank */
-  PetscInt      start, own, *owned; /* [n] places of rows in this rank's share of a vector; -1: of another rank's */
-  PetscInt      rest, *row;         /* [rest] those that other ranks have as well, in the order in which joints eliminate them */
-  Mat           part;               /* factor of the part, with these rows last; NULL: all rows are such */
-  PetscMPIInt   to;                 /* the rank that has the joint of the part, perhaps this one; -1: nothing is shared */
-  LatinJoint   *joint;              /* NULL: this rank has none */
-  PetscScalar  *g, *w;              /* [n] and [most rows that are sent] work */
+  PetscInt      n;          /* rows of the part of this rank */
+  PetscInt     *owned;      /* [n] places of rows in this rank's share of a vector; -1: of another rank's */
+  PetscInt      rest, *row; /* [rest] those that other ranks have as well, in the order in which joints eliminate them */
+  Mat           part;       /* factor of the part, with these rows last; NULL: all rows are such */
+  PetscMPIInt   to;         /* the rank that has the joint of the part, perhaps this one; -1: nothing is shared */
+  LatinJoint   *joint;      /* NULL: this rank has none */
+  PetscScalar  *g, *w;      /* [n] and [most rows that are sent] work */
   LatinTreeCost cost;
 } LatinTree;
 

@@ -328,7 +328,7 @@ PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout lay
   LatinShared *list;
 
   PetscFunctionBegin;
-  *tree = (LatinTree){.start = layout->rstart, .own = layout->n};
+  *tree = (LatinTree){0};
   PetscCallMPI(MPI_Comm_dup(PetscObjectComm((PetscObject)map), &tree->comm));
   PetscCall(ISLocalToGlobalMappingGetSize(map, &tree->n));
   PetscCallMPI(MPI_Comm_rank(tree->comm, &tree->rank));

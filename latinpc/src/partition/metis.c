@@ -51,10 +51,6 @@ PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *fai
 
   PetscFunctionBegin;
   *failed = 0;
-  if (cut->parts == 1) {
-    PetscCall(PetscArrayzero(part, cut->links));
-    PetscFunctionReturn(0);
-  }
   PetscCall(LatinGraphCreate_Private(cut, small, &graph));
   METIS_SetDefaultOptions(options);
   options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */

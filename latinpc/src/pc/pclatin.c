@@ -225,7 +225,10 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   Latin     latin = data->latin;
 
   PetscFunctionBegin;
-  if (latin->stale && !data->shared) PetscCall(PCSetUp_Latin(pc));
+  if (latin->stale && !data->shared) {
+    PetscCall(PCSetUp_Latin(pc));
+    pc->setupcalled = 1; /* as PCSetUp() would */
+  }
   if (!data->built) { /* after a failed set-up */
     PetscCall(VecSet(y, INFINITY));
     PetscFunctionReturn(0);

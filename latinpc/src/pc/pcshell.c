@@ -18,21 +18,30 @@ static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
   PetscFunctionReturn(0);
 }
 
+/* What is attached to the shell by this name is attached to the inner PC. Collective on shell */
+static PetscErrorCode PCShellLatinPass_Private(PC shell, PC inner, const char name[])
+{
+  PetscObject now, before;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)shell, name, &now));
+  PetscCall(PetscObjectQuery((PetscObject)inner, name, &before));
+  if (now == before) PetscFunctionReturn(0);
+  PetscCall(PetscObjectCompose((PetscObject)inner, name, now));
+  inner->setupcalled = 0;
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
 {
-  PC          inner;
-  Latin       latin;
-  PetscObject coordinates, before;
+  PC    inner;
+  Latin latin;
 
   PetscFunctionBegin;
   PetscCall(PCShellGetContext(shell, &inner));
   PetscCall(PCShellLatinForget_Private(shell, inner));
-  PetscCall(PetscObjectQuery((PetscObject)shell, "LatinCoordinates", &coordinates));
-  PetscCall(PetscObjectQuery((PetscObject)inner, "LatinCoordinates", &before));
-  if (coordinates != before) {
-    PetscCall(PetscObjectCompose((PetscObject)inner, "LatinCoordinates", coordinates));
-    inner->setupcalled = 0;
-  }
+  PetscCall(PCShellLatinPass_Private(shell, inner, "LatinCoordinates"));
+  PetscCall(PCShellLatinPass_Private(shell, inner, "LatinStructure"));
   PetscCall(PCSetOperators(inner, shell->mat, shell->pmat));
   if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
   PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
