@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import turning
 from petsc4py import PETSc
 
 import latinpc
@@ -46,3 +47,14 @@ def test_nothing_is_said_without_struts(geometry, push):
 def test_a_solve_says_nothing_of_a_stable_state():
     found = strut().solve()
     assert found.converged and not found.notices
+
+
+@pytest.mark.parametrize("load", [0.01, 0.1, -1.0])
+def test_parts_across_struts_prove_no_collapse(load):
+    """One of the cables bears the load and what the struts drive the node by."""
+    found = latinpc.Structure(**turning.struts(load), geometry="prestress", comm=PETSc.COMM_SELF).solve()
+    assert found.converged and not found.notices
+    up = found.displacements[1, 1]
+    bears = 1e4 * (abs(up) - 1e-2)
+    assert bears > 0.0 and found.tensions[2 if up < 0.0 else 3] == pytest.approx(bears, rel=1e-6)
+    assert bears == pytest.approx(np.sign(up) * load + 200.0 * abs(up), rel=1e-6)

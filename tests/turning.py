@@ -270,3 +270,16 @@ def job(variant):
     result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=variant, subdomains=5)
     size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
     return {"reason": int(result.reason), **size}
+
+
+def struts(load):
+    """Keywords: a node between two struts of 100 N, 1 m long, loaded across; two cables, slack as drawn, hold it."""
+    return {
+        "nodes": [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]],
+        "links": [[0, 1], [1, 2], [3, 1], [4, 1]],
+        "law": ["bar", "bar", "cable", "cable"],
+        "stiffness": [1e5, 1e5, 1e4, 1e4],
+        "initial_elongation": [-1e-3, -1e-3, -1e-2, -1e-2],
+        "fixed": [[1, 1], [0, 0], [1, 1], [1, 1], [1, 1]],
+        "load": [[0.0, 0.0], [0.0, load], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
+    }

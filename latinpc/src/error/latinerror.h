@@ -133,7 +133,10 @@ static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal beside, Pe
 /* Links that resist never, in traction, in compression (unilateral), in both (bilateral) */
 enum { LATIN_WAY_NONE, LATIN_WAY_TRACTION, LATIN_WAY_COMPRESSION, LATIN_WAY_BOTH };
 
-/* Tensions between which those of a link stay, whatever its elongation: -infinity and infinity where it resists, else what it yields at */
+/*
+   Tensions between which those of a link stay, whatever its elongation: -infinity and infinity where it resists, else what it yields at. Parts across
+   a strut, bars with negative stiffness in geometry prestress, do not yield: they may balance any force
+*/
 static inline void LatinLinkBounds(const LatinStructure structure, PetscInt l, PetscReal bound[2])
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
@@ -142,7 +145,7 @@ static inline void LatinLinkBounds(const LatinStructure structure, PetscInt l, P
     const PetscReal far = side ? LATIN_FAR : -LATIN_FAR;
 
     if (law->rigid) bound[side] = far * LatinLawSign(structure->law[l]) > 0.0 ? far * INFINITY : 0.0;
-    else bound[side] = law->tangent(structure->stiffness[l], far, law->ctx) > 0.0 ? far * INFINITY : law->tension(structure->stiffness[l], far, law->ctx);
+    else bound[side] = law->tangent(structure->stiffness[l], far, law->ctx) != 0.0 ? far * INFINITY : law->tension(structure->stiffness[l], far, law->ctx);
   }
 }
 
