@@ -350,6 +350,30 @@ def test_damaged_hdf5_is_refused_before_hdf5_sees_it(tmp_path):
     assert latinpc.load_state(snes, path, u) == b"some words"
 
 
+@pytest.mark.parametrize("options", [{}, {"snes_latin_warm_start": "last"}])
+def test_another_prestress_takes_effect_after_a_state(options, tmp_path):
+    """Loads, initial elongations and so prestress are those of the structure that reads the state."""
+
+    def solved(share, write=None, read=None):
+        scene = make("saddle", side=8)
+        scene = replace(scene, initial_elongation=share * scene.initial_elongation)
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        with default_options({"snes_latin_geometry": "prestress", "snes_latin_subdomains": 4, **options}):
+            snes, u = structure.create_snes(), structure.create_vec()
+            snes.setFromOptions()
+            if read:
+                latinpc.load_state(snes, read, u)
+            snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        if write:
+            latinpc.save_state(snes, write, u)
+        return structure.displacements(u)
+
+    solved(1.0, write=tmp_path / "state")
+    fresh = solved(1.3)
+    assert solved(1.3, read=tmp_path / "state") == pytest.approx(fresh, abs=1e-3 * np.abs(fresh).max())
+
+
 def test_misuse_is_refused(tmp_path):
     structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
     snes = structure.create_snes()

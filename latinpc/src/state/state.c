@@ -41,9 +41,11 @@ static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure 
   const LatinLarge *large = &((SNES_Latin *)state->snes->data)->large;
 
   PetscFunctionBegin;
-  PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
-  PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, frame->part ? LATIN_PART * frame->links_local : 0, frame->part));
-  PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
+  if (frame->turns->geometry != LATIN_GEOMETRY_PRESTRESS) { /* whose operators are those of the prestress that the structure now has */
+    PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
+    PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, frame->part ? LATIN_PART * frame->links_local : 0, frame->part));
+    PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
+  }
   if (state->ts) PetscFunctionReturn(0);
   PetscCall(LatinStateAddArray_Private(state, "operator_kind", LATIN_STATE_KIND, LATIN_STATE_KIND, state->kind));
   PetscCall(LatinStateAddArray_Private(state, "multiplier", 1, frame->spring ? 2 * frame->turns->links_local : 0, frame->spring));
