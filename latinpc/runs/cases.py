@@ -103,8 +103,8 @@ def solve_cases(
     iteration are solved one after the other by all ranks, and so are those that have not converged side by side. A
     solve then starts from the combination of cases solved like this whose actions are nearest to its own: for bars
     alone that is the solution where actions are combinations of earlier ones. Structures with rigid laws start anew,
-    since their solutions need not be unique; so do bars and struts with large displacements, whose
-    loads lead from zero.
+    since their solutions need not be unique; so do those of other links than cables where links turn, in geometry
+    prestress or large.
     """
     if isinstance(scene, Structure):
         scene, comm = Scene.from_structure(scene), scene.comm if comm is None else comm
@@ -255,8 +255,8 @@ class _Series:
             raise refused
 
     def _unique(self):
-        """Whether a case has one equilibrium, wherever it starts: not with rigid laws, nor where bars may snap."""
-        turns = self.structure.geometry == "large" and (self.scene.law != Law.CABLE).any()
+        """Whether a case has one equilibrium, wherever it starts: not with rigid laws, nor where struts may buckle."""
+        turns = self.structure.geometry != "linear" and (self.scene.law != Law.CABLE).any()
         return not turns and not np.isin(self.scene.law, RIGID).any()
 
     def _explain(self, number, u):
