@@ -58,3 +58,19 @@ def test_parts_across_struts_prove_no_collapse(load):
     bears = 1e4 * (abs(up) - 1e-2)
     assert bears > 0.0 and found.tensions[2 if up < 0.0 else 3] == pytest.approx(bears, rel=1e-6)
     assert bears == pytest.approx(np.sign(up) * load + 200.0 * abs(up), rel=1e-6)
+
+
+def test_a_flat_part_of_a_table_leaves_struts_alone():
+    """Between two struts of 20 N, 1 m long: beside the start the table has 1 N, further on 19 000 N/m."""
+    table = latinpc.register_table([0.0, 5e-3, 6e-3], [1.0, 1.0, 20.0], "flat beside struts")
+    cases = [latinpc.Case(f"{load}", load=[[0, 0], [0, load], [0, 0], [0, 0]]) for load in (-1.0, -1.5)]
+    structure = latinpc.Structure(
+        [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[0, 1], [1, 2], [3, 1]], [0, 0, table], [1e5, 1e5, 0.0],
+        initial_elongation=[-2e-4, -2e-4, 0.0], fixed=[[1, 1], [0, 0], [1, 1], [1, 1]], geometry="prestress",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    for case, unstable_there in zip(cases, (True, False)):
+        structure.set_load(case.load)
+        found = structure.solve()
+        assert found.converged
+        assert [text.split(",")[0] for text in found.notices] == ["this equilibrium is unstable"] * unstable_there

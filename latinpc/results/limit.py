@@ -159,7 +159,8 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
     """Return a sentence where an equilibrium of geometry prestress is unstable; collective.
 
     What is drawn is stable, else it would be refused. Where links in compression drive it and links that stiffened it
-    are slack, the tangent stiffness may have negative eigenvalues: its factors tell how many.
+    are slack, or on a flat part of a user's law, the tangent stiffness may have negative eigenvalues: its factors tell
+    how many.
 
     Parameters
     ----------
@@ -170,10 +171,11 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
         The links that are slack there.
     """
     drawn = tensions_at(structure, np.zeros(len(structure.links)))
-    some = np.array([np.isin(structure.law, RIGID).any(), slack.any(), (drawn < 0.0).any()])
-    rigid, slackens, pressed = structure.over_ranks.largest(some)
+    softens = slack | (structure.law >= len(Law))
+    some = np.array([np.isin(structure.law, RIGID).any(), softens.any(), (drawn < 0.0).any()])
+    rigid, softens, pressed = structure.over_ranks.largest(some)
     mumps = solvers.has_package("mumps")
-    if structure.geometry != "prestress" or rigid or not (slackens and pressed):
+    if structure.geometry != "prestress" or rigid or not (softens and pressed):
         return []
     if structure.comm.size > 1 and not mumps:
         return []
@@ -193,7 +195,11 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
     pc.destroy()
     K.destroy()
     cure = "take -snes_latin_geometry large"
-    return [f"this equilibrium is unstable, as links that slacken no longer stiffen it: {cure}"] if negative else []
+    return (
+        [f"this equilibrium is unstable, as links that slacken or yield no longer stiffen it: {cure}"]
+        if negative
+        else []
+    )
 
 
 def moving(mode: np.ndarray) -> np.ndarray:
