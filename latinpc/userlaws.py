@@ -12,7 +12,7 @@ from latinpc.arrays import REAL, native
 from latinpc.laws import Law
 from latinpc.library import _latin
 
-__all__ = ["own_stiffness", "own_tensions", "register_law", "register_table", "registered"]
+__all__ = ["as_tables", "own_stiffness", "own_tensions", "register_law", "register_table", "registered"]
 
 
 def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table") -> int:
@@ -43,7 +43,30 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
     x, tau = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
     if len(x) != len(tau):
         raise ValueError(f"a law needs as many tensions as elongations, not {len(tau)} for {len(x)}")
-    return _latin.register_table(name, x, tau)
+    law = _latin.register_table(name, x, tau)
+    _points.setdefault(law, (x.copy(), tau.copy()))
+    return law
+
+
+_points = {}  # of registered tables
+
+
+def as_tables(law: np.ndarray) -> tuple[np.ndarray, tuple[tuple[np.ndarray, np.ndarray], ...]]:
+    """Return the laws of links as a scene has them, and its tables; not collective.
+
+    Raises
+    ------
+    ValueError
+        For laws of functions, which are no tables.
+    """
+    own = np.unique(law[law >= len(Law)])
+    functions = [_latin.law_names()[number] for number in own if number not in _points]
+    if functions:
+        raise ValueError(
+            f"a scene, and so load cases, cannot have the registered law {functions[0]!r}, which is of functions:"
+            " take a table of its points, latinpc.register_table"
+        )
+    return np.where(law < len(Law), law, len(Law) + np.searchsorted(own, law)), tuple(_points[law] for law in own)
 
 
 def registered(scene: Any) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Links from numpy arrays and back: numbering, ranks, mechanics, refusals."""
 
 import copy
+import ctypes
 import pickle
 import sys
 from pathlib import Path
@@ -373,11 +374,28 @@ def test_a_structure_has_cases_as_its_scene_has():
     assert structure.load[1, 0] == 0.4 and found.scene.name == "row"
     with pytest.raises(TypeError, match="a load case is a latinpc.Case, .* not 'right'"):
         latinpc.solve_cases(structure, ["right"])
-    law = latinpc.register_table([0.0, 1.0], [0.0, 1.0])
-    with pytest.raises(ValueError, match="registered laws"):
+    function = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_void_p)
+    whole = [function(of) for of in (lambda k, x, _: k * x, lambda k, x, _: k, lambda k, x, _: 0.5 * k * x * x)]
+    law = latinpc.register_law("of functions", *whole)
+    with pytest.raises(ValueError, match="cannot have the registered law 'of functions'.*latinpc.register_table"):
         latinpc.solve_cases(latinpc.Structure(**given, law=law), [right])
     with pytest.raises(ValueError, match="case 'up': load must be numbers"):
         latinpc.Case("up", load={1: 5.0})
+
+
+def test_a_structure_with_tables_has_cases():
+    """Its scene has them, from the number of laws on; the results have those that were registered."""
+    given = dict(nodes=[[0.0], [1.0], [3.0]], links=[[0, 1], [1, 2]], stiffness=[0.0, 0.0], fixed=[[1], [0], [1]])
+    other = latinpc.register_table([0.0, 1.0, 2.0], [0.0, 5.0, 6.0], "other of a row")
+    yields = latinpc.register_table([0.0, 0.1, 0.2], [0.0, 0.3, 0.3], "yields in a row")
+    structure = latinpc.Structure(**given, law=[yields, other], comm=PETSc.COMM_SELF)
+    pulls = [latinpc.Case(f"{load}", [[0.0], [load], [0.0]]) for load in (0.5, 0.8, 1.3)]
+    found = latinpc.solve_cases(structure, pulls)
+    assert found.converged and len(found.scene.tables) == 2
+    for name, result in found.items():
+        pull = min(float(name) * 3 / 8, 0.3)  # 3 N/m beside 5 N/m, until it yields
+        assert result.tensions == pytest.approx([pull, pull - float(name)], abs=1e-9)
+        assert result.structure.law.tolist() == [yields, other]
 
 
 def test_import_loads_what_every_solve_needs_and_no_more():

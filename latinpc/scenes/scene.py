@@ -17,6 +17,7 @@ from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.units import counted
 from latinpc.structure import Structure
+from latinpc.userlaws import as_tables
 
 
 @dataclass(repr=False)
@@ -126,7 +127,7 @@ class Scene(Geometry, Plots):
         Parameters
         ----------
         structure : latinpc.Structure
-            Whole on every rank, with laws of `Law` alone.
+            Whole on every rank, without laws of `latinpc.register_law`.
 
         Returns
         -------
@@ -136,15 +137,14 @@ class Scene(Geometry, Plots):
         Raises
         ------
         ValueError
-            For a law that was registered, which a scene has in `tables`.
+            For a law of functions.
         """
         if type(structure) is not Structure:
             raise ValueError(f"a scene is made of a latinpc.Structure, not of a {type(structure).__name__}")
-        if structure.law.max() >= len(Law):
-            raise ValueError("a structure with registered laws makes no scene: make a Scene with `tables`")
         given = {name: getattr(structure, name) for name in ARRAYS}
         given = {name: None if values is None else values.copy() for name, values in given.items()}
-        return cls(structure.name, **given, geometry=structure.geometry, numbering=structure.numbering)
+        given["law"], tables = as_tables(structure.law)
+        return cls(structure.name, **given, tables=tables, geometry=structure.geometry, numbering=structure.numbering)
 
     @property
     def laws(self) -> np.ndarray:
