@@ -49,6 +49,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
   PetscCall(LatinStructureSize_Private(structure, &large->size, NULL));
   PetscCall(PetscFree(large->ahead));
+  structure->hold = 0.0;
   large->renewals = 0;
   large->reached  = 0.0;
   large->branch   = -1.0;
