@@ -96,6 +96,31 @@ def test_tensions_of_rigid_links_are_asked_for_as_well(asked):
     assert np.linalg.norm(result.tensions - exact.tensions) <= asked * np.linalg.norm(exact.tensions)
 
 
+@double
+@pytest.mark.parametrize("seed", [0, 13, 46, 58, 70, 102])
+def test_self_stresses_of_nets_that_do_not_stretch_are_part_of_the_error(seed):
+    """Penalties change them slowly: tensions had stayed by more than was asked for, or a hundred times the estimate."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(5, 9))
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    number = np.arange(n * n).reshape(n, n)
+    links = [*zip(number[:-1].ravel(), number[1:].ravel()), *zip(number[:, :-1].ravel(), number[:, 1:].ravel())]
+    fixed = np.repeat((i % (n - 1) * (j % (n - 1)) == 0)[:, None], 3, axis=1)
+    load = np.where(fixed, 0.0, np.array([0.0, 0.0, -5.0]) + rng.normal(size=fixed.shape))
+    structure = latinpc.Structure(
+        np.column_stack([i, j, 0 * i]).astype(float), links, "inextensible", 0.0, fixed=fixed, load=load,
+        initial_elongation=-0.02 * rng.uniform(0.9, 1.1, len(links)), geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    found, exact = structure.solve(), structure.solve(error=SOLVED)
+    assert found.converged and exact.converged
+    errors = [
+        np.linalg.norm(getattr(found, name) - getattr(exact, name)) / np.linalg.norm(getattr(exact, name))
+        for name in ("tensions", "displacements")
+    ]
+    assert max(errors) <= 1e-4
+    assert errors[0] <= 2.0 * found.tension_error and errors[1] <= 2.0 * found.estimated_error
+
+
 def test_displacements_alone():
     """What is asked of the tensions may be anything; a small structure is proved without any error left."""
     scene = replace(make("network", nodes=1500), subdomain=None)

@@ -409,6 +409,23 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   PetscFunctionReturn(0);
 }
 
+/* The error of the tensions after `part` of a step: what it changed, times the fall of the products, which the tensions of self-stresses follow. Collective on structure */
+static PetscErrorCode LatinInteriorLeft_Private(LatinInterior *point, PetscReal part, PetscReal *left)
+{
+  const PetscReal before = point->mean;
+  PetscReal       sum[2] = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  PetscCall(LatinInteriorMean_Private(point, 0.0, &point->mean));
+  for (PetscInt l = 0; l < point->structure->links_local; l++) {
+    sum[0] += PetscSqr(part * point->dt[l]);
+    sum[1] += PetscSqr(point->t[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)point->structure)));
+  *left = PetscSqrtReal(LatinRatio(sum[0], sum[1])) * LatinRatio(point->mean, before);
+  PetscFunctionReturn(0);
+}
+
 /* Steps until one is small. Collective on snes */
 static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, PetscBool *done)
 {
@@ -435,7 +452,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
     if (PetscIsInfOrNanReal(size) || part < LATIN_INTERIOR_SHORT) break;
     if (point->unstable && !point->rigid && step > large->near * size) break; /* on its way past a limit point; where steps are small it is the node of a cable that slackens */
     if (point->rigid) {                                                       /* displacements of nodes that slack cables alone hold never settle */
-      PetscCall(LatinInteriorMean_Private(point, 0.0, &point->mean));
+      PetscCall(LatinInteriorLeft_Private(point, part, &data->estimate.tensions));
       *done = (PetscBool)(part >= LATIN_INTERIOR_ENOUGH && point->mean * point->links <= LATIN_INTERIOR_SMALL * point->whole);
     }
     if (point->rigid || step > near * size) continue;
@@ -447,7 +464,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
 
 /*
    From the displacements in the solution vector to the solution, whose error is proved: then *done. With links that do not stretch to where
-   the method of multipliers ends it from: their tensions then are in `tension`. Collective on snes
+   the method of multipliers ends it from: their tensions then are in `tension`, the error of these is the estimated one. Collective on snes
 */
 PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscReal tension[], PetscBool *done)
 {

@@ -7,22 +7,24 @@
    starts from the displacements of this one. At the solution lambda is its tension and |r| its length, whatever p.
 */
 
-#define LATIN_LARGE_PENALTY_GROWS 10.0 /* the penalty grows by so much */
-#define LATIN_LARGE_PENALTY_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
-#define LATIN_LARGE_PENALTY_MOST  1e2  /* times the first penalty: more, and rounding of the penalty hides soft links */
-#define LATIN_LARGE_PENALTY_TIMES 40   /* most solves */
-#define LATIN_LARGE_PENALTY_NEAR  1e3  /* times the mean tension over length: the penalty from near the solution on */
+#define LATIN_LARGE_PENALTY_GROWS 10.0                       /* the penalty grows by so much */
+#define LATIN_LARGE_PENALTY_SLOW  4.0                        /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
+#define LATIN_LARGE_PENALTY_MOST  1e2                        /* times the first penalty: more, and rounding of the penalty hides soft links */
+#define LATIN_LARGE_PENALTY_TIMES 40                         /* most solves */
+#define LATIN_LARGE_PENALTY_LEFT  LatinByPrecision(1e2, 2.0) /* times the last change of tensions: what it may leave; changes that fall more slowly are rounding */
+#define LATIN_LARGE_PENALTY_NEAR  1e3                        /* times the mean tension over length: the penalty from near the solution on */
 
 /*
-   The tensions at the solution vector become the multipliers. *done: these and the displacements, since `before`, have changed by no more than
-   the error asked for. Collective on snes
+   The tensions at the solution vector become the multipliers. *done: the displacements, since `before`, have changed by no more than
+   the error asked for, and the tensions miss no more: their change, what is left if they go on changing as since the last one, and before
+   there was one `first`. Collective on snes
 */
-static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *change, PetscBool *done)
+static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal first, PetscReal *change, PetscBool *done)
 {
   SNES_Latin          *data       = (SNES_Latin *)snes->data;
   const LatinStructure structure  = data->large.frame->turns;
   const PetscReal      target     = SNESLatinEstimates(data) ? data->target : snes->stol;
-  PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, sum[2] = {0.0, 0.0}, moved, size;
+  PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, last = *change, error, sum[2] = {0.0, 0.0}, moved, size;
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
@@ -40,9 +42,15 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
   PetscCall(VecCopy(snes->vec_sol, before));
   *change = PetscSqrtReal(LatinRatio(sum[0], sum[1]));
-  *done   = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * data->large.size) && *change <= target);
-  if (SNESLatinEstimates(data)) data->estimate.value = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
-  PetscCall(PetscInfo(snes, "Tensions of inextensible cables change by %g of themselves, displacements by %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
+  error   = PetscMin(LATIN_LARGE_PENALTY_LEFT * *change, *change < last ? PetscSqr(*change) / (last - *change) : PETSC_MAX_REAL);
+  error   = PetscMax(PetscMax(*change, error), last < PETSC_MAX_REAL ? 0.0 : first);
+  moved *= *change > 0.0 ? error / *change : 1.0; /* displacements follow */
+  *done = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * data->large.size) && error <= target);
+  if (SNESLatinEstimates(data)) {
+    data->estimate.value    = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
+    data->estimate.tensions = PetscMax(data->estimate.tensions, error);
+  }
+  PetscCall(PetscInfo(snes, "Tensions of inextensible cables change by %g and miss %g of themselves, displacements miss %g\n", (double)*change, (double)error, (double)(size > 0.0 ? moved / size : 0.0)));
   PetscFunctionReturn(0);
 }
 
@@ -113,8 +121,8 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
   PetscFunctionReturn(0);
 }
 
-/* The first solve: from what an interior-point method finds, or from the drawn configuration. Collective on snes */
-static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
+/* The first solve: from what an interior-point method finds, whose tensions have the error *first, or from the drawn configuration. Collective on snes */
+static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *first)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
@@ -127,6 +135,7 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
   if (convex) {
     PetscCall(PetscMalloc1(structure->links_local, &tension));
     PetscCall(SNESLatinLargeInterior_Private(snes, tension, &near));
+    if (near) *first = LATIN_LARGE_SAFETY * data->estimate.tensions;
     if (near) PetscCall(LatinTautNear_Private(snes, tension));
     PetscCall(PetscFree(tension));
   }
@@ -149,7 +158,7 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
-  PetscReal      grown = 1.0, change = PETSC_MAX_REAL, last;
+  PetscReal      grown = 1.0, change = PETSC_MAX_REAL, first = 0.0, last;
   PetscBool      done = PETSC_FALSE;
   Vec            before;
 
@@ -159,13 +168,13 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
     PetscFunctionReturn(0);
   }
   PetscCall(DMGetGlobalVector(structure->dm, &before));
-  PetscCall(LatinTautFirst_Private(snes, before));
+  PetscCall(LatinTautFirst_Private(snes, before, &first));
   for (PetscInt k = 0; LatinNextConverged(data->next); k++) {
     PetscBool grows;
 
     last = change;
     PetscCall(SNESLatinResidual_Private(snes)); /* the displacements of the iteration */
-    PetscCall(LatinTautUpdate_Private(snes, before, &change, &done));
+    PetscCall(LatinTautUpdate_Private(snes, before, first, &change, &done));
     if (done) break;
     if (k == LATIN_LARGE_PENALTY_TIMES) data->next = LATIN_NEXT_DIVERGED; /* tensions grow without end: no displacement meets the lengths */
     if (k == LATIN_LARGE_PENALTY_TIMES) break;
