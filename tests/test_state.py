@@ -374,6 +374,34 @@ def test_another_prestress_takes_effect_after_a_state(options, tmp_path):
     assert solved(1.3, read=tmp_path / "state") == pytest.approx(fresh, abs=1e-3 * np.abs(fresh).max())
 
 
+@pytest.mark.parametrize("warm", ["none", "last", "extrapolate"])
+@pytest.mark.parametrize("name", ["grid", "prestress", "hanging"])
+def test_other_initial_elongations_after_a_state_are_those_without_one(name, warm, tmp_path):
+    """Where links turn, operators and multipliers are made anew."""
+    make_scene, options = RAMPS[name]
+    scene = make_scene()
+    longer = (0.0, 2e-4, 1e-4)
+
+    def solved(first):
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        with default_options({**options, "snes_latin_warm_start": warm}):
+            snes, u, found = structure.create_snes(), structure.create_vec(), []
+            snes.setFromOptions()
+            for k in range(first, len(longer)):
+                structure.set_initial_elongation(scene.initial_elongation - longer[k])
+                if first == k > 0:
+                    latinpc.load_state(snes, tmp_path / f"state{k}", u)
+                snes.solve(None, u)
+                assert snes.getConvergedReason() > 0
+                found += [structure.displacements(u), latinpc.tensions(snes), snes.getIterationNumber()]
+                if not first:
+                    latinpc.save_state(snes, tmp_path / f"state{k + 1}", u)
+        return found
+
+    whole = solved(0)
+    assert same(solved(1), whole[3:]) and same(solved(2), whole[6:])
+
+
 def test_misuse_is_refused(tmp_path):
     structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
     snes = structure.create_snes()

@@ -197,6 +197,12 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
   PetscFunctionReturn(0);
 }
 
+/* Hash of the initial elongations here. Not collective */
+static PetscReal LatinStateElongations(const LatinStructure structure)
+{
+  return (PetscReal)LatinStateHash(0, (size_t)structure->links_local * sizeof(PetscReal), structure->e0);
+}
+
 static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const char file[], PetscInt n, const char note[])
 {
   static const char *const endings[] = {".h5", ".hdf5", NULL};
@@ -234,6 +240,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     head.solutions = data->has_state + (data->has_state && data->has_before);
     if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
     state.kind[1] = data->large.solution ? 1.0 : 0.0;
+    if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->turns);
   }
   PetscCall(LatinStateStructure_Private(&state, &head.structure));
   PetscCall(LatinStateItems_Private(&state));
@@ -243,11 +250,15 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscFunctionReturn(0);
 }
 
-/* Sets up the operators that have been read. In statics this allocates new arrays: all items are read again. Collective on state->snes */
+/*
+   Sets up the operators that have been read. In statics this allocates new arrays: all items are read again. Where initial elongations have
+   changed since, the next solve makes operators anew, as without a state. Collective on state->snes
+*/
 static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char file[], const LatinStateHead *head)
 {
   SNES_Latin    *data  = (SNES_Latin *)state->snes->data;
   LatinStructure frame = data->large.frame;
+  PetscMPIInt    other = (PetscMPIInt)(state->kind[2] != LatinStateElongations(frame->turns));
 
   PetscFunctionBegin;
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));
@@ -259,6 +270,8 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
   PetscCall(LatinStateItems_Private(state));
   PetscCall(LatinStateTransfer_Private(PetscObjectComm((PetscObject)state->snes), file, NULL, head, state));
   if (state->kind[1] == 0.0) PetscCall(VecDestroy(&data->large.solution));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &other, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)frame)));
+  if (other) frame->turns_e0 = -1;
   PetscFunctionReturn(0);
 }
 

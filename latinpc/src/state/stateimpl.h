@@ -20,14 +20,14 @@ typedef struct {
 
 /* The items of a state: distributed vectors, the same ones on all ranks */
 #define LATIN_STATE_ITEMS 24 /* items of a state; an assertion counts them */
-#define LATIN_STATE_KIND  2
+#define LATIN_STATE_KIND  3
 typedef struct {
   SNES           snes; /* of a motion: the SNES of its TS */
   TS             ts;   /* NULL in statics */
   Vec            u;    /* displacements */
   LatinStructure structure;
   PetscBool      latin;                  /* the SNES is of type latin */
-  PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: the way operators were made; is there a last path? */
+  PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: the way operators were made; is there a last path? Hash of the initial elongations here */
   PetscInt       items, reals;           /* items after the first `reals` are written as integers and never read */
   struct {
     const char *name;
