@@ -196,3 +196,18 @@ def test_a_link_that_yields_beside_a_contact(load, borne):
     assert found.converged == borne
     named = ("no equilibrium", "rounding hides what the loads do")  # 5e-5 beyond the limit rounding may come first
     assert borne != any(text.startswith(named) for text in found.notices)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("restart", [5, 10, 15, 30])
+def test_displacements_whose_rounding_hides_what_pulls(restart):
+    """A spring that always pulls by 1 N draws node 2 to node 1 and past it, without end: 2e11 m had been a solution."""
+    yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10.0, -10.0, 10.0, 10.0], "either way")
+    pulls = latinpc.register_table([0.0, 5e-3, 6e-3], [1.0, 1.0, 20.0], "always by 1 N")
+    found = latinpc.Structure(
+        [[0.24174456902758065], [0.20161583165966335], [0.5383890195201254]], [[1, 2], [0, 1], [0, 2]],
+        [pulls, yields, "inextensible"], [0.0, 0.0, 7986.07148267472], fixed=[[1], [0], [0]],
+        initial_elongation=[0.0011197229232780322, 0.0020498296968591303, -0.0006470725743820861],
+        comm=PETSc.COMM_SELF,
+    ).solve(options={"snes_latin_outer_snes_anderson_restart": restart})  # fmt: skip
+    assert not found.converged
