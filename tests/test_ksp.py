@@ -267,6 +267,16 @@ def test_without_norms_iterations_end_without_a_breakdown():
     assert system.ksp.getConvergedReason() > 0 and (x - exact).norm() < 1e-9 * exact.norm()
 
 
+@pytest.mark.parametrize("outer", OUTER)
+def test_without_norms_all_iterations_are_made(outer):
+    """Most methods compute none then: the zero in its place had ended the solve before its first iteration."""
+    system = linear_system(grid("truss"), outer_ksp_type=outer)
+    system.ksp.setNormType(PETSc.KSP.NormType.NONE)
+    system.ksp.setTolerances(max_it=6)
+    x, exact = solved(system)
+    assert system.ksp.getIterationNumber() == 6 and (x - exact).norm() < 1e-3 * exact.norm()
+
+
 def test_restarts_are_counted_once():
     """A short memory takes longer, and every iteration is monitored once."""
     system = linear_system(grid("truss"), outer_ksp_gmres_restart=4)

@@ -73,6 +73,7 @@ PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPCo
   Vec             residual;
 
   PetscFunctionBegin;
+  if (ksp->normtype == KSP_NORM_NONE && norm == 0.0) PetscFunctionReturn(0); /* most outer KSPs compute no norm then */
   if (!claim && (*reason || digits)) PetscFunctionReturn(0);
   *reason = ksp->normtype == KSP_NORM_NONE ? KSP_CONVERGED_ATOL : KSP_CONVERGED_ITERATING;
   if (*reason || (it < data->next && digits)) PetscFunctionReturn(0);
