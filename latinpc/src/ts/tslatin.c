@@ -372,12 +372,13 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
 @*/
 PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
 {
-  TS_Latin *data = (TS_Latin *)ts->data;
+  TS_Latin *data;
   PetscBool latin;
   SNES      snes;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
+  data = (TS_Latin *)ts->data;
   PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
   PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements (in Python, latinpc.Structure.tensions(u))");
   PetscCall(TSLatinFind_Private(ts, &snes));
@@ -402,7 +403,8 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   Attach the structure with `LatinStructureAttachTS()`; set displacements and velocities with `TS2SetSolution()` (default: at
   rest). The scheme is of first order: it damps vibrations faster than a step, and allows velocity jumps. Steps of the same length reuse
   all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have
-  masses: SNES latin has no divergence tolerance unless an option sets one.
+  masses: SNES latin has no divergence tolerance unless an option sets one. These two, the initial state and the tolerance, are set where
+  the SNES has no type yet: a program that calls `SNESSetType()` sets them itself.
 
   `TSSetEventHandler()` repeats steps with another length, for which PETSc does not call the function of `TSSetPreStep()`: give loads
   and supports that change in one of `TSSetPreStage()`. Before another motion with the same TS call `TSReset()`.
