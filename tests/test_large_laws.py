@@ -299,6 +299,30 @@ def test_a_chain_lies_on_a_floor(cable, variant):
     assert np.linalg.norm(r, axis=1) == pytest.approx(length, rel=1e-8)
 
 
+@pytest.mark.parametrize("newton", [1.0, 1e3])
+@pytest.mark.parametrize("longer", [0.01, 0.05, 0.3])
+def test_a_net_lies_on_the_floor_with_all_its_cables_slack(longer, newton):
+    """Of elastic and inextensible cables: the contacts alone bear the loads, and each node sinks by its gap."""
+    rng = np.random.default_rng(0)
+    above, gap = net(10, 0.0, [0.0, 0.0, -0.01 * newton]), 0.3 * longer
+    free = np.flatnonzero(~above["fixed"][:, 0])
+    count, cables = len(free), len(above["links"])
+    below = above["nodes"][free] - [0.0, 0.0, 1.0]
+    elastic = rng.random(cables) < 0.4
+    structure = {
+        "nodes": np.concatenate([above["nodes"], below]),
+        "links": np.concatenate([above["links"], np.column_stack([len(above["nodes"]) + np.arange(count), free])]),
+        "law": [*np.where(elastic, "cable", "inextensible"), *["contact"] * count],
+        "stiffness": np.append(np.where(elastic, 5e3 * newton, 0.0), np.zeros(count)),
+        "initial_elongation": np.append(-longer * rng.uniform(1.0, 2.0, cables), np.full(count, gap)),
+        "fixed": np.concatenate([above["fixed"], np.ones((count, 3), bool)]),
+        "load": np.concatenate([above["load"], np.zeros((count, 3))]),
+    }
+    result = solve(structure)
+    assert result.converged
+    assert result.displacements[free, 2] == pytest.approx(-gap, abs=1e-4)
+
+
 def test_a_stiff_floor_is_the_limit():
     """The difference falls as one over the stiffness."""
     exact, far = solve(on_a_floor("contact", 0.0), error=1e-10).displacements, []
