@@ -45,6 +45,16 @@ def fan(seed):
     )  # fmt: skip
 
 
+def pendulum(load, short, pulled=None):
+    """A hinged bar, and a cable that bears nothing once it has swung the bar up; and a strut that a load may pull."""
+    return latinpc.Structure(
+        [[0, 0], [1, 0], [0, 1], [2, 0], [3, 0]], [[0, 1], [2, 1], [3, 4]], ["bar", "cable", "compression_only"],
+        stiffness=[1e4, 100.0, 100.0], initial_elongation=[0.0, short, 0.0],
+        fixed=[[1, 1], [0, 0], [1, 1], [1, 1], [pulled is None, 1]],
+        load=[[0, 0], load, [0, 0], [0, 0], [pulled or 0.0, 0]], geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("load", [(-10.0, 0.0), (-50.0, -160.0), (-1000.0, 0.0), (-5000.0, -500.0)])
 def test_heavier_loads_leave_no_state_that_is_higher_than_the_drawing(load):
     """They turn the post upside down; the loads themselves press it by less than twice what they are."""
@@ -102,3 +112,25 @@ def test_a_determinate_truss_takes_up_heat_without_forces(heat):
 def test_wrong_lengths_find_their_shape(seed):
     """A descent without loads has no heavier ones to go on with: it takes the steps it needs."""
     assert fan(seed).solve().converged
+
+
+@pytest.mark.parametrize("load", [(-1.0, 2.0), (0.0, 1.0), (-10.0, 2.0)])
+@pytest.mark.parametrize("short", [0.0, 1e-6, 0.01, 0.2, 0.4, 0.6, 1.0])
+def test_loads_that_slacken_a_cable_without_tension_leave_a_mechanism(load, short):
+    """Least energy of the bar, next to rigid, over all angles."""
+    structure = pendulum(load, short)
+    found = structure.solve()
+    angle = np.linspace(0.0, np.pi, 100001)
+    stretched = np.maximum(np.hypot(np.cos(angle), np.sin(angle) - 1.0) - np.sqrt(2.0) + short, 0.0)
+    least = angle[np.argmin(50.0 * stretched**2 - load[0] * np.cos(angle) - load[1] * np.sin(angle))]
+    end = structure.nodes[1] + found.displacements[1]
+    assert found.converged
+    assert np.arctan2(end[1], end[0]) == pytest.approx(least, abs=3e-3)
+
+
+@pytest.mark.parametrize("load", [(-1.0, 2.0), (0.0, 1.0), (-1.0, 1.0)])
+def test_what_rounding_leaves_without_loads_is_no_part_of_them(load):
+    """The strut is pulled away under any of them, whether the cable is slack or not."""
+    found = pendulum(load, 0.4, pulled=1.0).solve()
+    assert not found.converged
+    assert found.report["load_factor"] == 0.0

@@ -14,6 +14,7 @@
 #define LATIN_BRANCH_TRIES    3                         /* steps tried where cables are at their kinks, */
 #define LATIN_BRANCH_FURTHER  8.0                       /* each so many times as long: under few loads rounding hides which way the energy falls */
 #define LATIN_BRANCH_POWER    8                         /* steps of the power method */
+#define LATIN_BRANCH_NOTHING  1e-2                      /* of the stiffness: what the power method leaves of none */
 #define LATIN_BRANCH_DISTURBS 1e-6                      /* of the size of the structure, beside the displacements ahead: how far along the mode a descent begins */
 
 /* From v down the energy to a stable equilibrium under that part of the path, if *stable; `first` of the displacements ahead is the first step. Overwrites path->step. Collective on snes */
@@ -53,12 +54,14 @@ static PetscErrorCode LatinBranchMode_Private(SNES snes, const LatinPath *path, 
 
 /*
    Are links nearer to a kink than the error asked for? Then the direction in which path->u is softest with their softer sides: K the tangent stiffness,
-   K - D that of the softer sides, the largest mu in D x = mu K x, by the power method; of length 1. Collective on snes
+   K - D that of the softer sides, the largest mu in D x = mu K x, by the power method; of length 1. path->slackens: softer sides leave next to nothing of the
+   stiffness in it. Collective on snes
 */
-static PetscErrorCode LatinBranchKinks_Private(SNES snes, const LatinPath *path, Vec mode, PetscBool *kinks)
+static PetscErrorCode LatinBranchKinks_Private(SNES snes, LatinPath *path, Vec mode, PetscBool *kinks)
 {
   LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
   PetscReal      moved = 0.0, drop = 1.0, force, *slope;
+  PetscScalar    whole, less;
   KSP            ksp;
   Mat            K, softer;
   Vec            f, g;
@@ -82,6 +85,9 @@ static PetscErrorCode LatinBranchKinks_Private(SNES snes, const LatinPath *path,
     PetscCall(MatMult(K, mode, f));
     PetscCall(MatMult(softer, mode, g));
     PetscCall(VecNorm(f, NORM_2, &force));
+    PetscCall(VecDot(mode, f, &whole));
+    PetscCall(VecDot(mode, g, &less));
+    path->slackens = (PetscBool)(PetscRealPart(less) <= LATIN_BRANCH_NOTHING * PetscRealPart(whole));
     PetscCall(VecAXPY(f, -1.0, g));
     PetscCall(VecNorm(f, NORM_2, &drop));
     if (drop <= PETSC_SQRT_MACHINE_EPSILON * force) drop = 0.0;

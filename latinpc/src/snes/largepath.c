@@ -252,6 +252,25 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
   PetscFunctionReturn(0);
 }
 
+/* The path has led nowhere from what links at their kinks alone hold without loads: it starts anew as that of a mechanism, if *starts; else u stays. Collective on snes */
+static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBool *starts)
+{
+  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  Vec         u;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &u));
+  PetscCall(VecCopy(path->u, u));
+  PetscCall(LatinPathLoaded_Private(snes, path, starts));
+  if (*starts) large->branch = -1.0;
+  else {
+    PetscCall(VecCopy(u, path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
+  }
+  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &u));
+  PetscFunctionReturn(0);
+}
+
 /* The path, from u; `from`: a stable equilibrium. Collective on snes */
 static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
@@ -259,13 +278,19 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscBool   goes = from;
 
   PetscFunctionBegin;
-  if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
-  path->firm = path->far;
   while (goes) {
+    if (from) {
+      PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
+      path->firm = path->far;
+    }
     PetscCall(LatinPathIncrements_Private(snes, path));
     if (data->next == LATIN_NEXT_GIVEN || !path->targets) PetscFunctionReturn(0);
-    goes = PETSC_FALSE;
+    goes = from = PETSC_FALSE;
     if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathBranch_Private(snes, path, &goes));
+    if (!goes && path->unloaded && path->slackens && data->large.reached == 0.0) {
+      PetscCall(LatinPathAnew_Private(snes, path, &from));
+      goes = from;
+    }
   }
   PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
@@ -286,6 +311,7 @@ static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecDot(path->whole, path->whole, &whole));
   if (PetscRealPart(whole) > 0.0) *reached = PetscMin(*reached + (1.0 - *reached) * PetscRealPart(both / whole), moved);
   else if (moved < PETSC_MAX_REAL) *reached = moved;
+  if (PetscAbsReal(*reached) <= PETSC_SQRT_MACHINE_EPSILON) *reached = 0.0; /* rounding: less than any increment */
   PetscFunctionReturn(0);
 }
 

@@ -24,6 +24,8 @@ typedef struct {
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
+  PetscBool       unloaded; /* it starts without loads */
+  PetscBool       slackens; /* no increment follows u, which links at their kinks alone hold */
 } LatinPath;
 
 /* snes/largestart.c */
@@ -31,6 +33,7 @@ PETSC_INTERN PetscErrorCode LatinPathLoad_Private(SNES, const LatinPath *, Petsc
 PETSC_INTERN PetscErrorCode LatinPathRate_Private(SNES, const LatinPath *, Vec u, Vec rate, PetscReal *far);
 PETSC_INTERN PetscErrorCode LatinPathStable_Private(SNES, const LatinPath *, Vec u, PetscBool *stable);
 PETSC_INTERN PetscErrorCode LatinPathStart_Private(SNES, LatinPath *, PetscBool *from);
+PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool *starts);
 /* snes/largebranch.c */
 PETSC_INTERN PetscErrorCode LatinPathBranch_Private(SNES, LatinPath *, PetscBool *goes);
 PETSC_INTERN PetscErrorCode LatinPathSettle_Private(SNES, LatinPath *, LatinPathTarget *, PetscBool *settles);

@@ -105,15 +105,27 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   PetscFunctionReturn(0);
 }
 
+/* Down the energy under all loads or a part of them, with supports as given, to a stable equilibrium, as of a mechanism that the loads alone hold; else path->u is zero. Collective on snes */
+PetscErrorCode LatinPathLoaded_Private(SNES snes, LatinPath *path, PetscBool *starts)
+{
+  PetscFunctionBegin;
+  path->unloaded = *starts = PETSC_FALSE;
+  PetscCall(VecZeroEntries(path->u));
+  PetscCall(SNESLatinSupportsFrom_Private(snes, ((SNES_Latin *)snes->data)->large.frame->turns->prescribed));
+  for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
+  PetscFunctionReturn(0);
+}
+
 /*
    Finds a stable equilibrium u from which a path may start: without loads the drawn configuration, or where its tensions move it, or down the energy from
-   there; else, as of a mechanism that the loads alone hold, down the energy under all loads or a part of them, with supports as given. Collective on snes
+   there; else under loads. Collective on snes
 */
 static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
+  path->unloaded = PETSC_TRUE;
   PetscCall(LatinPathLoad_Private(snes, path, 0.0));
   PetscCall(VecCopy(path->u, snes->vec_sol));
   PetscCall(SNESLatinLargeRests_Private(snes, starts));
@@ -126,8 +138,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
   if (*starts) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(path->u));
   PetscCall(LatinPathDescend_Private(snes, path, 0.0, starts));
-  if (!*starts) PetscCall(SNESLatinSupportsFrom_Private(snes, data->large.frame->turns->prescribed));
-  for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
+  if (!*starts) PetscCall(LatinPathLoaded_Private(snes, path, starts));
   PetscFunctionReturn(0);
 }
 
