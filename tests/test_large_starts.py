@@ -1,5 +1,7 @@
 """Large displacements: where paths start, and states without loads."""
 
+import itertools
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -41,6 +43,23 @@ def fan(seed):
     wrong = np.random.default_rng(seed).uniform(-0.15, 0.15, len(links))
     return latinpc.Structure(
         nodes, links, "bar", EA=[1e6] * 8 + [1e4] * 7, fixed=fixed, initial_elongation=wrong, geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def tied_arch(seed):
+    """An arch of bars on a roller, and crossed hangers to a deck of cables, all too short or too long."""
+    rng, x = np.random.default_rng(seed), np.arange(7)
+    nodes = np.vstack([np.stack([x, 0.3 * x * (6 - x)], 1), np.stack([x[1:-1], np.full(5, -0.2)], 1)])
+    deck = [0, *range(7, 12), 6]
+    links = [(i, i + 1) for i in range(6)] + list(itertools.pairwise(deck)) + [(i, 6 + i) for i in range(1, 6)]
+    links += [pair for i in range(1, 5) for pair in ((i, 7 + i), (i + 1, 6 + i))]
+    cable, length = np.arange(len(links)) > 5, np.linalg.norm(np.diff(nodes[np.array(links)], axis=1)[:, 0], axis=1)
+    fixed, load = np.zeros((12, 2), bool), np.zeros((12, 2))
+    fixed[0], fixed[6, 1], load[7:, 1] = True, True, -10.0
+    return latinpc.Structure(
+        nodes, links, np.where(cable, "cable", "bar"), EA=np.where(cable, 1e5, 1e6), fixed=fixed, load=load,
+        initial_elongation=np.where(cable, length * rng.uniform(-0.002, 0.01, len(links)), 0.0), geometry="large",
         comm=PETSc.COMM_SELF,
     )  # fmt: skip
 
@@ -112,6 +131,12 @@ def test_a_determinate_truss_takes_up_heat_without_forces(heat):
 def test_wrong_lengths_find_their_shape(seed):
     """A descent without loads has no heavier ones to go on with: it takes the steps it needs."""
     assert fan(seed).solve().converged
+
+
+@pytest.mark.parametrize("seed", [0, 3, 12, 21, 72])
+def test_a_long_way_down_the_energy(seed):
+    """A deck that small loads swing under its slack hangers: several hundred steps."""
+    assert tied_arch(seed).solve().converged
 
 
 @pytest.mark.parametrize("load", [(-1.0, 2.0), (0.0, 1.0), (-10.0, 2.0)])

@@ -19,7 +19,7 @@
 #define LATIN_DESCENT_RTOL    1e-3                          /* of a linear solve */
 #define LATIN_DESCENT_NEAR    1e-5                          /* times as little where the descent is to stay near: cables that both slacken differ by less from one that does not; with 1e-3 a tower fails */
 #define LATIN_DESCENT_SOON    30                            /* steps in which the loads themselves lead somewhere, or too slowly; with 200 rotations and units change which state towers find */
-#define LATIN_DESCENT_STEPS   200                           /* most steps under heavier loads, and as these fall */
+#define LATIN_DESCENT_STEPS   1000                          /* most steps under heavier loads, and as these fall */
 #define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
 #define LATIN_DESCENT_LIGHTER 10.0                          /* times as light as the ones before: the next loads */
 #define LATIN_DESCENT_AWAY    0.05                          /* of the size of the structure: further from where a descent is to stay near it snaps through */
