@@ -57,6 +57,28 @@ def test_a_small_part_that_snaps_through_beside_a_large_net(part):
         assert 0.99 < part * result.borne <= 1.0
 
 
+def shallow(height, times):
+    """A truss two metres wide, so high, under so many times its limit load, downward, where it may hang."""
+    y = np.linspace(0.0, abs(height), 100001)
+    limit = (2e4 * (np.hypot(1.0, height) - np.hypot(1.0, y)) * y / np.hypot(1.0, y)).max()
+    return latinpc.Structure(
+        [[-1, 0], [1, 0], [0, height]], [[0, 2], [1, 2]], "bar", stiffness=1e4, fixed=[[1, 1], [1, 1], [0, 0]],
+        load=[[0, 0], [0, 0], [0, -times * limit]], geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("times", [3e3, 9e3, 3e4, 1e5])
+@pytest.mark.parametrize("height", [0.2, 0.02, 0.005])
+def test_a_snap_under_less_than_the_least_increment(height, times):
+    """Refused, with the last stable state that increments of 1e-4 find; what sags stiffens as much, and bears them."""
+    found, sagging = shallow(height, times).solve(), shallow(-height, times).solve()
+    assert not found.converged
+    assert 0.0 <= found.report["load_factor"] <= 1.0 / times
+    assert any("apply a part of them" in text for text in found.notices)
+    assert sagging.converged
+
+
 def test_a_cable_that_tightens_at_once():
     """Soft until a gap of 1e-8 m closes: a structure that stiffens has not snapped through."""
     structure = {"nodes": [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 1.0]], "links": [[0, 1], [2, 1], [1, 3]]}

@@ -20,3 +20,22 @@ PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, Pets
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
+
+/* Is any link stiffer by its law at v than at u, as a slack cable that becomes taut? Collective on snes */
+PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tightens)
+{
+  const PetscInt n = ((SNES_Latin *)snes->data)->large.frame->turns->links_local;
+  PetscReal     *slope;
+  PetscMPIInt    any = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* never NULL */
+  PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
+  PetscCall(LatinPathSlopes_Private(snes, v, PETSC_TRUE, slope + n));
+  for (PetscInt l = 0; l < n; l++)
+    if (slope[n + l] > slope[l]) any = 1;
+  PetscCall(PetscFree(slope));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));
+  *tightens = (PetscBool)any;
+  PetscFunctionReturn(0);
+}

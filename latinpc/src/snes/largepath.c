@@ -17,7 +17,8 @@
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
-   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. But not
+   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once, and what sags stiffens
+   as the cube of its displacements. But not where no link tightens and forces fall on the way, a snap under less than the least increment; nor
    where the path has softened, as before a limit point, and a small one moves the structure far. Where a cable
    slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than twice only
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
@@ -25,10 +26,36 @@
 
 #define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_JUMP      0.1  /* times the displacements so far: there such an increment may move the structure no further */
+#define LATIN_PATH_HALVES    12   /* points of an increment, each half as far as the one before: a snap may be shorter by so many powers of two */
 #define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
 #define LATIN_PATH_SOFTENED  10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
 #define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
+
+/* Do the forces of the links along the straight way from u to v never fall on it? A truss that snaps through is seen up to some thousand times as far as it is high. Overwrites w. Collective on structure */
+static PetscErrorCode LatinPathRises_Private(LatinStructure structure, Vec u, Vec v, Vec w, PetscBool *rises)
+{
+  PetscScalar force, further = 0.0;
+  PetscReal   noise = 0.0;
+  Vec         r, way;
+
+  PetscFunctionBegin;
+  *rises = PETSC_TRUE;
+  PetscCall(DMGetGlobalVector(structure->dm, &r));
+  PetscCall(DMGetGlobalVector(structure->dm, &way));
+  PetscCall(VecWAXPY(way, -1.0, u, v));
+  for (PetscInt k = 0; k < LATIN_PATH_HALVES && *rises; k++) {
+    PetscCall(VecWAXPY(w, PetscPowRealInt(0.5, k), way, u));
+    PetscCall(LatinTurningResidual_Private(structure, NULL, w, r));
+    PetscCall(VecDot(r, way, &force));
+    if (k) *rises = (PetscBool)(PetscRealPart(force - further) <= noise);
+    else noise = PETSC_SQRT_MACHINE_EPSILON * PetscAbsScalar(force);
+    further = force;
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &way));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &r));
+  PetscFunctionReturn(0);
+}
 
 /*
    By how much the next increment is to be smaller: 1 where this one, to the target, has moved no node too far, nor much less or more than the tangent stiffness
@@ -55,9 +82,13 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within)); /* a law with its kink where the path starts: the end says it all */
   target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller      = within ? 1.0 : 0.5;
-  if (within && (more > LATIN_PATH_STIFFENS || (path->far > LATIN_PATH_SOFTENED * path->firm && step > LATIN_PATH_JUMP * size))) {
+  if (within) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
     if (within) PetscCall(LatinPathNodes_Private(structure, change, target->ahead, NULL, little, &within));
+    if (!within && more <= LATIN_PATH_STIFFENS && !(path->far > LATIN_PATH_SOFTENED * path->firm && step > LATIN_PATH_JUMP * size)) {
+      PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &within));
+      if (!within) PetscCall(LatinPathRises_Private(structure, path->u, target->u, change, &within));
+    }
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* none so small that it may stiffen as it will */
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));

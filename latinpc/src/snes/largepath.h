@@ -34,6 +34,8 @@ PETSC_INTERN PetscErrorCode LatinPathRate_Private(SNES, const LatinPath *, Vec u
 PETSC_INTERN PetscErrorCode LatinPathStable_Private(SNES, const LatinPath *, Vec u, PetscBool *stable);
 PETSC_INTERN PetscErrorCode LatinPathStart_Private(SNES, LatinPath *, PetscBool *from);
 PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool *starts);
+/* snes/largekinks.c */
+PETSC_INTERN PetscErrorCode LatinPathTightens_Private(SNES, Vec u, Vec v, PetscBool *tightens);
 /* snes/largebranch.c */
 PETSC_INTERN PetscErrorCode LatinPathBranch_Private(SNES, LatinPath *, PetscBool *goes);
 PETSC_INTERN PetscErrorCode LatinPathSettle_Private(SNES, LatinPath *, LatinPathTarget *, PetscBool *settles);
