@@ -81,6 +81,20 @@ def test_with_large_displacements_nodes_between_slack_cables_are_named():
     assert all(found.slack[(net.links == node).any(axis=1)].all() for node in named(found))
 
 
+@pytest.mark.parametrize(("longer", "free"), [(0.5, [2]), (0.02, [])])
+@pytest.mark.parametrize("law", ["contact", "compression_only"])
+def test_with_large_displacements_a_floor_holds_along_its_normal_alone(law, longer, free):
+    """A node sinks by 0.3 to the floor: between slack cables it slides there, between taut ones it does not."""
+    found = latinpc.Structure(
+        [[0, 0], [2, 0], [1, 0], [1.5, -1]], [[0, 2], [1, 2], [3, 2]], ["cable", "cable", law],
+        stiffness=[10.0, 10.0, 0.0 if law == "contact" else 1e6], initial_elongation=[-longer, -longer, 0.3],
+        direction=[[0, 0], [0, 0], [0, 1]], fixed=[[1, 1], [1, 1], [0, 0], [1, 1]],
+        load=[[0, 0], [0, 0], [0, -5], [0, 0]], geometry="large", comm=PETSc.COMM_SELF,
+    ).solve()  # fmt: skip
+    assert found.converged and found.displacements[2, 1] == pytest.approx(-0.3, abs=1e-4)
+    assert named(found) == free
+
+
 def random_net(rng):
     """Points in a plane, each joined to some others by links that are slack half of the time."""
     nodes = rng.uniform(0.0, 1.0, (9, 2))

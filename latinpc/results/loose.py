@@ -9,7 +9,7 @@ import numpy as np
 from latinpc.geometry import extent
 from latinpc.laws import RIGID, Law
 
-from .mechanics import stretches, tensions_at
+from .mechanics import keeps_direction, stretches, tensions_at
 
 if TYPE_CHECKING:
     from .result import Result
@@ -27,8 +27,7 @@ def loose(result: Result) -> list[str]:
 
     A link holds a node if its tension changes within `MARGIN` of its elongation, a rigid one also if it bears. A node
     is named if no link holds it in some direction while all others stay where they are; nodes that can move only
-    together are not found. With large displacements a taut link holds in all directions, and those are named that slack
-    links alone touch.
+    together are not found. With large displacements a taut link that turns holds in all directions.
     """
     structure, over = result.structure, result.structure.over_ranks
     if structure.geometry == "prestress" or not result.converged:
@@ -44,7 +43,7 @@ def loose(result: Result) -> list[str]:
     else:
         holds = _holds(structure, elongation, margin) | (np.isin(structure.law, RIGID) & ~result.slack)
     nodes = np.flatnonzero(_touched(structure, ~holds) & ~structure.fixed[: over.own].all(axis=1))
-    free = nodes[~_touched(structure, holds)[nodes] if large else _free(structure, holds, nodes)]
+    free = nodes[_free(structure, holds, nodes)]
     free = over.node_numbers(free, NAMED + 1)
     if not (large or most) or not len(free):
         return []
@@ -90,13 +89,15 @@ def _free(structure, holds, nodes):
 
 
 def _held(structure, holds, place, count):
-    """Return the sums of n n^t of links that hold at nodes with a place from 0 on."""
-    dim = structure.nodes.shape[1]
+    """Return the sums of n n^t, or of 1 where they turn, of links that hold at nodes with a place from 0 on."""
+    dim, normals = structure.nodes.shape[1], structure.directions[holds]
+    along = normals[:, :, None] * normals[:, None, :]
+    if structure.geometry == "large":
+        along[~keeps_direction(structure)[holds]] = np.eye(dim)
     held = np.zeros((count, dim, dim))
     for end in structure.links[holds].T:
         here, at = place[end] >= 0, place[end]
-        normal = structure.directions[holds][here]
         for i in range(dim):
             for j in range(dim):
-                held[:, i, j] += np.bincount(at[here], normal[:, i] * normal[:, j], count)
+                held[:, i, j] += np.bincount(at[here], along[here, i, j], count)
     return held
