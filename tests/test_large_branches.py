@@ -152,3 +152,32 @@ def test_what_buckles_and_bears_more_is_told_from_what_snaps_through():
         structure = latinpc.Structure(**arrays, geometry="large", comm=PETSc.COMM_SELF)
         assert ended(structure) == (pytest.approx(part, abs=5e-4), False)
         assert "buckles, or snaps through" in " ".join(structure.solve().notices)
+
+
+STOPS = {
+    "residual": {"snes_latin_stop": "residual", "snes_rtol": 1e-6},
+    "indicator": {"snes_latin_stop": "indicator", "snes_stol": 1e-6},
+    "step": {"snes_stol": 1e-8},
+    "loose": {"snes_stol": 1e-3},
+}
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_whatever_stops_the_solve(stop):
+    """The end of the path of the loads: the iteration had gone on from there to another one, 2 m away."""
+    drawn = {
+        "nodes": [[-0.05, -0.16, 0.18], [0.2, -0.1, 0.93], [0.13, 0.88, 1.14], [-0.02, 1.07, 0.2],
+                  [0.76, -0.08, 0.14], [1.05, -0.19, 1.2], [1.24, 0.76, -0.03]],
+        "links": [[0, 3], [1, 3], [2, 3], [1, 4], [2, 4], [0, 4], [3, 5], [4, 5], [0, 5], [4, 6], [0, 6], [3, 6],
+                  [4, 0]],
+        "law": ["bar"] * 12 + ["cable"],
+        "stiffness": [525.0, 267.0, 16.0, 125.0, 626.0, 74.0, 120.0, 35.0, 54.0, 13.0, 105.0, 226.0, 82.0],
+        "fixed": [[k < 3] * 3 for k in range(7)],
+        "load": [[0.0] * 3] * 3 + [[0.66, -0.12, 0.03], [0.65, -0.43, 0.05], [0.34, 0.68, -0.31], [-0.32, 0.07, -0.23]],
+    }  # fmt: skip
+    structure = latinpc.Structure(**drawn, geometry="large", comm=PETSc.COMM_SELF)
+    path, found = structure.solve(error=1e-9), structure.solve(options=STOPS[stop])
+    assert path.converged and found.converged
+    assert np.abs(found.displacements - path.displacements).max() < (1e-4 if stop == "loose" else 1e-6)
+    if stop == "residual":
+        assert found.largest_unbalance < 2e-6 * np.linalg.norm(drawn["load"])

@@ -48,6 +48,7 @@ UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_lati
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 CHANGED = 0.3  # of the tensions as drawn: the most by which geometry prestress lets those of displaced links differ
 HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestress holds a structure beyond it
+RIGID_WHERE_LARGE = (Law.INEXTENSIBLE, Law.CONTACT)
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 COARSE = 1e-2  # of the loads: less may be borne where an increment of 1e-4 of them moves the structure far
 _NAMED = 5
@@ -126,8 +127,9 @@ def _no_equilibrium(snes, structure):
     named, one = structure.some_nodes(nodes, unsupported > len(nodes)), unsupported == 1
     if structure.geometry == "large":  # where not all of the loads are borne `limit` says so
         ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
-        rigid = "lengths of inextensible cables" if (structure.law == Law.INEXTENSIBLE).any() else "gaps of contacts"
-        return ends, [f"no equilibrium: the {rigid} are incompatible"] if ends else []
+        cables, contacts = (structure.over_ranks.largest((structure.law == law).any()) for law in RIGID_WHERE_LARGE)
+        rigid = "lengths of inextensible cables" if cables else "gaps of contacts"
+        return ends, [f"no equilibrium: the {rigid} are incompatible"] if ends and (cables or contacts) else []
     rubs = structure.comm.tompi4py().allreduce(bool((structure.law == Law.FRICTION).any()), op=MPI.LOR)
     ends = unsupported and np.isinf(distance)
     if rubs and not jammed and not ends:

@@ -109,19 +109,31 @@ PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The end of a path of which the stop was the error: what the requested stop wants beyond that the iteration does, from there. Collective on snes */
+/*
+   The end of a path of which the stop was the error: Newton's method goes on from there to what the requested stop wants beyond that. The
+   iteration would lead away from it, to equilibria that need not be stable. Collective on snes
+*/
 PetscErrorCode SNESLatinLargeStop_Private(SNES snes, LatinStopType stop)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  Vec         u;
+  SNES_Latin     *data   = (SNES_Latin *)snes->data;
+  const PetscReal target = data->target, unbalance = data->unbalance;
+  PetscBool       done;
+  Vec             u;
 
   PetscFunctionBegin;
   if (data->stop == stop || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
-  data->stop = stop;
-  data->next = LATIN_NEXT_CONTINUE;
+  if (stop == LATIN_STOP_RESIDUAL) data->unbalance = SNESLatinResidualTarget(snes);
+  else data->target = PetscMin(target, snes->stol);
   PetscCall(VecDuplicate(snes->vec_sol, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE, NULL));
+  PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
+  if (!done) PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(VecDestroy(&u));
+  PetscCall(SNESLatinBalance_Private(snes));
+  data->stop      = stop;
+  data->target    = target;
+  data->unbalance = unbalance;
+  if (stop != LATIN_STOP_RESIDUAL) data->next = LATIN_NEXT_CONVERGED; /* as far as rounding lets it */
+  else data->next = data->residual <= SNESLatinResidualTarget(snes) ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_ROUNDING;
   PetscFunctionReturn(0);
 }

@@ -176,7 +176,7 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
     PetscCall(SNESLatinResidual_Private(snes)); /* the displacements of the iteration */
     PetscCall(LatinTautUpdate_Private(snes, before, first, &change, &done));
     if (done) break;
-    if (k == LATIN_LARGE_PENALTY_TIMES) data->next = LATIN_NEXT_DIVERGED; /* tensions grow without end: no displacement meets the lengths */
+    if (k == LATIN_LARGE_PENALTY_TIMES) data->next = SNESLatinLargeProves(data) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_MAX_IT; /* tensions of accurate solves grow without end: no displacement meets the lengths */
     if (k == LATIN_LARGE_PENALTY_TIMES) break;
     grows = (PetscBool)(k && change > last / LATIN_LARGE_PENALTY_SLOW && grown < LATIN_LARGE_PENALTY_MOST);
     if (grows) grown *= LATIN_LARGE_PENALTY_GROWS;
