@@ -179,3 +179,31 @@ def test_ranks_without_nodes(tmp_path, subdomains):
         found.append([float(word) for word in text.split("found")[1].split()])
     assert found[0][0] > 0
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-6)
+
+
+AGAIN = """
+import json, sys
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+import latinpc
+from latinpc.scenes import make
+found = []
+for nodes in (40, 200):
+    structure = latinpc.Structure.from_scene(make("network", nodes=nodes))
+    for _ in range(3):
+        snes = structure.create_snes()
+        latinpc.set_partitioner(snes, "parallel")
+        latinpc.set_subdomains(snes, 4)
+        snes.setFromOptions()
+        snes.setUp()
+        found.append(latinpc.subdomain_of_links(snes).tolist())
+        snes.destroy()
+if not structure.comm.rank:
+    print(json.dumps(found))
+"""
+
+
+def test_the_same_again_in_one_program(mpirun):
+    """Random numbers of PT-Scotch had gone on from one partition to the next."""
+    found = json.loads(mpirun(4, "-c", AGAIN).stdout)
+    assert found[0] == found[1] == found[2] and found[3] == found[4] == found[5]

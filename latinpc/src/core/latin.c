@@ -311,8 +311,8 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
   if (structure) PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
-  if (latin->stale || (state != latin->structure_state && !LatinTurnsAlone(latin))) latin->set_up = PETSC_FALSE;
-  again = (PetscBool)(latin->set_up && (latin->renews || state != latin->structure_state));
+  if ((latin->stale && !latin->tuned) || (state != latin->structure_state && !LatinTurnsAlone(latin))) latin->set_up = PETSC_FALSE;
+  again = (PetscBool)(latin->set_up && (latin->renews || latin->tuned || state != latin->structure_state));
   if (!structure || again) latin->set_up = PETSC_FALSE;
   if (!latin->set_up) PetscCall(LatinSetUpOperators_Private(latin, again));
   else {
@@ -326,9 +326,9 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
     latin->e0_state   = structure->e0_state;
     latin->held_state = structure->held_state;
   }
-  latin->set_up          = PETSC_TRUE;
-  latin->stale           = PETSC_FALSE;
-  latin->structure_state = state;
+  latin->set_up = PETSC_TRUE;
+  latin->stale = latin->tuned = PETSC_FALSE;
+  latin->structure_state      = state;
   PetscFunctionReturn(0);
 }
 

@@ -27,6 +27,7 @@ struct _p_Latin {
   PetscObjectState      tuning_state; /* of the structure when `tuning` was set */
   PetscReal             setup_seconds;
   PetscBool             set_up;
+  PetscBool             tuned;                                             /* search parameters alone are new: subdomains and interfaces stay */
   PetscBool             renews;                                            /* operators of the next set-up may have the same pattern: keep what depends on the pattern alone */
   PetscBool             stale;                                             /* options have changed since the set-up */
   PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure at the last set-up */

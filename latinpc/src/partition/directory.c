@@ -72,13 +72,20 @@ static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDi
 
 #define LATIN_SCOTCH_THREADS "SCOTCH_PTHREAD_NUMBER" /* environment variable of PT-Scotch 7 */
 
-/* With several threads a rank PT-Scotch makes a different partition at each run: use one thread, unless the user has set their number */
+#if defined(__GNUC__)
+extern void SCOTCH_randomReset(void) __attribute__((weak)); /* NULL: this PETSc has no PT-Scotch */
+#endif
+
+/* With several threads a rank, and with random numbers that go on, PT-Scotch makes a different partition each time: use one thread, unless the user has set their number */
 static PetscErrorCode LatinGraphApply_Private(MatPartitioning partitioning, IS *is)
 {
   const PetscBool chosen = (PetscBool)(getenv(LATIN_SCOTCH_THREADS) != NULL);
 
   PetscFunctionBegin;
   if (!chosen) (void)setenv(LATIN_SCOTCH_THREADS, "1", 0);
+#if defined(__GNUC__)
+  if (SCOTCH_randomReset) SCOTCH_randomReset();
+#endif
   PetscCall(MatPartitioningApply(partitioning, is));
   if (!chosen) (void)unsetenv(LATIN_SCOTCH_THREADS);
   PetscFunctionReturn(0);
