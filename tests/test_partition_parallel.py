@@ -205,5 +205,5 @@ if not structure.comm.rank:
 
 def test_the_same_again_in_one_program(mpirun):
     """Random numbers of PT-Scotch had gone on from one partition to the next."""
-    found = json.loads(mpirun(4, "-c", AGAIN).stdout)
+    found = json.loads(mpirun(4, AGAIN).stdout)
     assert found[0] == found[1] == found[2] and found[3] == found[4] == found[5]
