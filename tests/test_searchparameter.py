@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 from support import latin, solve
 from test_classes import balance, strain
 
@@ -108,3 +109,26 @@ def test_the_number_of_ranks_does_not_matter(mpirun):
     assert reason > 0 and other[0] > 0
     assert abs(other[1] - count) <= 0.3 * count  # rounding decides which of many contacts slip first
     assert abs(other[2] / total - 1) < 0.2  # tensions are not unique
+
+
+@pytest.mark.parametrize("force", [1e2, 1e4, 4e5, 1e7])
+@pytest.mark.parametrize("first", ["set up", "no loads", "small loads"])
+def test_loads_far_from_those_of_the_set_up(first, force):
+    """Rigid links alone, of a solver that was set up or has solved before: 10,000 stages had not sufficed."""
+    structure = latinpc.Structure(
+        [[4.05324], [1.23362], [0.06872], [2.14690]], [[1, 3], [2, 3], [0, 3]], "inextensible", 0.0,
+        initial_elongation=[-0.0296, -0.0067, 0.0], fixed=[[1], [1], [1], [0]],
+        load=[[0], [0], [0], [1e-6 * force if first == "small loads" else 0.0]], comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    snes, u = structure.create_snes(), structure.create_vec()
+    snes.setFromOptions()
+    if first == "set up":
+        snes.setUp()
+    else:
+        snes.solve(None, u)
+    structure.set_load([[0], [0], [0], [force]])
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert snes.getIterationNumber() < 100
+    assert structure.displacements(u)[3, 0] == pytest.approx(0.0067, rel=1e-6)
+    assert latinpc.tensions(snes) == pytest.approx([0.0, force, 0.0], rel=1e-4, abs=1e-6 * force)

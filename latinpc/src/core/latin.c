@@ -71,6 +71,7 @@ PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
   if (latin->tuning_state != state) latin->tuning = 1.0;
   if (!latin->sub.link_stiffness) PetscCall(PetscMalloc1(structure->links_local, &latin->sub.link_stiffness));
   PetscCall(LatinStructureStiffness_Private(structure, latin->sub.link_stiffness));
+  if (structure->rigid_law >= 0) PetscCall(LatinStructureRigidScale_Private(structure, &latin->rigid_scale));
   for (PetscInt l = 0; l < structure->links_local; l++)
     if (LatinLaws[structure->law[l]].rigid) latin->sub.link_stiffness[l] *= latin->tuning;
   if (P) PetscCall(LatinTangentFind_Private(structure, P, &tangent));

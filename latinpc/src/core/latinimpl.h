@@ -25,6 +25,7 @@ struct _p_Latin {
   LatinLinear           linear;
   PetscReal             tuning;       /* factor on the automatic search parameters of rigid links of structure/rigidlaws.c */
   PetscObjectState      tuning_state; /* of the structure when `tuning` was set */
+  PetscReal             rigid_scale;  /* the scale of those parameters at the last set-up of operators */
   PetscReal             setup_seconds;
   PetscBool             set_up;
   PetscBool             tuned;                                             /* search parameters alone are new: subdomains and interfaces stay */

@@ -79,6 +79,7 @@ PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
   if (data->z) { /* new laws or a new partition invalidate the state */
     PetscObjectState state;
 
+    PetscCall(LatinParameterLoads_Private(latin));
     PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &state));
     if (!latin->set_up || state != latin->structure_state || latin->stale) PetscCall(SNESLatinResetState_Private(snes));
   }

@@ -176,3 +176,17 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscCall(PetscInfo(latin, "Search parameter of rigid links multiplied by %g\n", (double)factor));
   PetscFunctionReturn(0);
 }
+
+/* Before a solve: other loads or gaps may be far from those of the automatic search parameters of rigid links alone, which no iteration then meets. Marks the operators for a rebuild. Collective on latin */
+PetscErrorCode LatinParameterLoads_Private(Latin latin)
+{
+  const LatinStructure structure = latin->sub.structure;
+  PetscReal            scale;
+
+  PetscFunctionBegin;
+  if (!latin->set_up || structure->rigid_law < 0 || structure->ground || (latin->load_state == structure->load_state && latin->e0_state == structure->e0_state)) PetscFunctionReturn(0);
+  PetscCall(LatinStructureRigidScale_Private(structure, &scale));
+  if (scale <= LATIN_PARAMETER_FAR * latin->rigid_scale && latin->rigid_scale <= LATIN_PARAMETER_FAR * scale) PetscFunctionReturn(0);
+  PetscCall(LatinParameterTune_Private(latin, 1.0 / latin->tuning));
+  PetscFunctionReturn(0);
+}

@@ -50,7 +50,7 @@ PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
    The search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without any, the mean
    load of a loaded node over the mean gap, of the loads that there are now. Of a time step, that of its base. Collective on structure
 */
-static PetscErrorCode LatinRigidScale_Private(LatinStructure structure, PetscReal *scale)
+PetscErrorCode LatinStructureRigidScale_Private(LatinStructure structure, PetscReal *scale)
 {
   const PetscInt dim    = structure->dim;
   PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
@@ -98,7 +98,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(k, structure->stiffness, structure->links_local));
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(LatinRigidScale_Private(structure->base ? structure->base : structure, &scale));
+  PetscCall(LatinStructureRigidScale_Private(structure->base ? structure->base : structure, &scale));
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
     PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 at clamped vertices */

@@ -183,6 +183,7 @@ PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, Pe
 
 /* ---- rigid laws (structure/rigidlaws.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
+PETSC_INTERN PetscErrorCode LatinStructureRigidScale_Private(LatinStructure, PetscReal *scale);
 PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure, PetscInt *jam);
