@@ -176,6 +176,26 @@ def told(line):
     return run([*COMMAND, *shlex.split(line)], check=False)
 
 
+@pytest.mark.parametrize("asked", [1e-2, 1e-4])
+def test_struts_of_geometry_prestress(asked):
+    """They take from the stiffness across them: the estimate in the energy norm had been mere rounding."""
+    scene = make("network", nodes=400)
+    structure = latinpc.Structure.from_scene(scene)
+    geometry = {"snes_latin_geometry": "prestress"}
+    truth = scene.solve(options=geometry, error=1e-11)
+    options = {"snes_latin_stop": "energy", "snes_latin_error": asked, "snes_latin_newton": "never"}
+    found = scene.solve(options=options | geometry)
+    assert found.converged
+
+    def energy(displacements):
+        along = np.diff(displacements[structure.links], axis=1)[:, 0]
+        return structure.stiffness @ np.einsum("ij,ij->i", along, structure.directions) ** 2
+
+    true = np.sqrt(energy(found.displacements - truth.displacements) / energy(truth.displacements))
+    assert 0.01 * asked < found.estimated_error <= asked
+    assert true < 2.5 * found.estimated_error
+
+
 def test_command_line_tells_the_estimate():
     result = told("solve tensegrity-grid --modules 8 -snes_latin_stop error -snes_latin_error 1e-3 -snes_latin_monitor")
     assert result.returncode == 0

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from support import irregular, logged, solve
 
 import latinpc
+from latinpc.bench.extremes.drawn import draw
 from latinpc.options import default_options
 from latinpc.runs.motion import move
 from latinpc.scenes import Scene, make
@@ -89,6 +90,15 @@ def test_quasi_newton_takes_bars_alone():
     assert result.converged and result.largest_unbalance < 1e-6 * np.abs(result.structure.load).max()
     cables = make("tensegrity-grid", modules=4, subdomains=4)
     assert cables.solve(options={"snes_latin_outer_snes_type": "qn"}).converged
+
+
+@pytest.mark.parametrize(("family", "number"), [("statics", 36), ("statics", 133), ("statics", 134)])
+def test_an_inner_solver_that_takes_no_step_hands_over(family, number):
+    """Its line search finds nothing shorter: Newton's method goes on, as after a stall; it had been given up."""
+    drawn = draw(11, number, family).scene
+    found = drawn.solve(options={"snes_latin_outer_snes_type": "ncg"})
+    assert found.converged
+    assert np.linalg.norm(found.tensions - drawn.solve().tensions) <= 3e-4 * np.linalg.norm(found.tensions)
 
 
 @pytest.mark.parametrize(

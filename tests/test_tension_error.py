@@ -163,3 +163,10 @@ def test_it_is_printed():
         r"error of the displacements [^,]+ %, of the tensions [^,]+ %, unbalanced forces",
         command("solve", "tensegrity-grid").stdout,
     )
+
+
+def test_without_newtons_method_nothing_estimates_it():
+    """It had been accepted, and met by none."""
+    alone = {"snes_latin_newton": "never", "snes_latin_tension_error": 1e-7}
+    with pytest.raises(latinpc.SolveError, match="needs Newton's method.*leave out -snes_latin_newton never"):
+        make("network", nodes=100).solve(options=alone)

@@ -72,7 +72,7 @@ static inline uint64_t LatinEstimateBits(PetscInt subdomain, PetscInt place)
   return LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)place) >> 1;
 }
 
-/* Adds the displacements of this rank to a sketch */
+/* Adds the displacements of this rank to a sketch; what struts take from the stiffness across them, in geometry prestress, counts as if they added it */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -85,7 +85,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
     for (PetscInt i = first; i < last;) {
       uint64_t bits = LatinEstimateBits(sub->first + s, (i - first) / LATIN_ESTIMATE_SHARE);
 
-      for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) LatinEstimateAdd(sketch, bits, energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i]);
+      for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) LatinEstimateAdd(sketch, bits, energy ? PetscSqrtReal(PetscAbsReal(sub->stiffness[i])) * LatinElongation(sub, dim, i, U) : U[i]);
     }
   }
 }

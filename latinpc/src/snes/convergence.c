@@ -319,7 +319,7 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, LatinDecide decide)
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &reason));
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : LATIN_NEXT_GIVEN;
+  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : data->newton.stall && decide == SNESLatinDecide_Private ? LATIN_NEXT_NEWTON_STALL : LATIN_NEXT_GIVEN; /* a line search may take no step */
   snes->reason = reason;
   PetscFunctionReturn(0);
 }

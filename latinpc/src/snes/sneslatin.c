@@ -48,6 +48,8 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   SNESLatinChooseStop(snes);
   PetscCheck(SNESLatinUnbalance(data) == PETSC_MAX_REAL || SNESLatinBalances(snes), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
              "-snes_latin_largest_unbalance belongs to statics with -snes_latin_stop auto, error or energy, without -snes_stol: leave one of them out; the stop residual has -snes_atol");
+  PetscCheck(data->tension_target <= 0.0 || data->newton.type != LATIN_NEWTON_NEVER || latin->sub.structure->rigid_law >= 0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
+             "-snes_latin_tension_error needs Newton's method, which estimates the error of the tensions of elastic links: leave out -snes_latin_newton never");
   PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
              LatinLaws[latin->sub.structure->rigid_law].name);
