@@ -51,10 +51,13 @@ def snes_reason(snes: PETSc.SNES) -> str:
     text = reason_name(PETSc.SNES.ConvergedReason, snes.getConvergedReason())
     if text == "DIVERGED_LINEAR_SOLVE":
         ksp, which = snes.getKSP(), "KSP"
-        coarse = solvers.coarse_ksp(snes) if snes.getType() == "latin" else None
+        latin = snes.getType() == "latin"
+        coarse = solvers.coarse_ksp(snes) if latin else None
         if coarse and coarse.getConvergedReason() < 0:
             which = f"the coarse problem after {coarse.getIterationNumber()} iterations, -snes_latin_coarse_:"
             ksp = coarse
+        elif latin and ksp.getConvergedReason() >= 0:  # it does not use this one
+            return text + " (of a subdomain, -snes_latin_local_)"
         text += f" ({which} {reason_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())})"
     return text
 
