@@ -57,6 +57,29 @@ def test_modes_that_slepc_does_not_find_again_are_counted(monkeypatch):
     assert not found.complete
 
 
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_light_stiff_node_hides_no_repeated_frequency(lost, monkeypatch):
+    """Strings alike beside a value 1e12 times as large; those within its rounding, not counted, are noted."""
+    from latinpc.results import eigen
+
+    if lost:
+        counts = iter([lambda *_: -1])
+        monkeypatch.setattr(eigen, "below", lambda *given, count=eigen.below: next(counts, count)(*given))
+    nodes = np.array([[x, 3.0 * k, 0.0] for k in range(20) for x in range(4)] + [[-1e-3, -1, 0], [0, -1, 0]])
+    links = np.array([[4 * k + i, 4 * k + i + 1] for k in range(20) for i in range(3)] + [[80, 81]])
+    fixed = np.repeat(np.append(np.tile([1, 0, 0, 1], 20), [1, 0])[:, None], 3, axis=1)
+    fixed[-1] = [0, 1, 1]
+    s = latinpc.Structure(
+        nodes, links, "bar", np.append(np.full(60, 1e6), 2e12), prestress=np.append(np.full(60, 1e3), 0.0), fixed=fixed,
+        mass=np.append(np.full(81, 2.0), 1e-3), geometry="large",
+    )  # fmt: skip
+    exact = np.repeat([500.0, 1500.0], 40)
+    for number in (60,) if lost else (30, 39, 41, 60):
+        found = latinpc.modes(s, number)
+        assert found.complete != lost and ("they are alike to rounding" in str(found.notices)) == lost
+        assert lost or np.allclose(found.values, exact[:number])
+
+
 def test_unstable_modes_are_the_lowest_ones():
     """A strut whose head is free beside slow springs: its value is the lowest, though far from zero; at any target."""
     s = latinpc.Structure(

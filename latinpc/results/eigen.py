@@ -19,12 +19,14 @@ from .notices import SolveError
 SHIFT = 1e-10  # of the largest eigenvalue: shift below zero, so that mechanisms leave a regular matrix
 LOWEST = 1e3  # of the largest eigenvalue: what is below minus that is of no mass
 SAME = (1e-10, 1e-6)  # of the distance to the target: eigenvalues that count as one; where they are less accurate
-ROUNDING = 1e-12  # of the largest eigenvalue: the same
+ROUNDING = 1e-12  # of the largest eigenvalue: the same where these are less accurate
+NOISE = 1e-14  # of it: values that differ by more are not known to be one
 INSTALL = (
     "modes need SLEPc with slepc4py: with Debian's PETSc apt install python3-slepc4py libslepc-real-dev; with another"
     " one, and PETSC_DIR and PETSC_ARCH set, pip install slepc slepc4py of the same version as PETSc"
 )
 UNPROVED = "whether modes are missing between these is not known, as they were not counted:"
+ALIKE = f"{UNPROVED} they are alike to rounding"
 
 
 @dataclass
@@ -187,22 +189,25 @@ def _completed(eps, pairs, away, target, low, there, size):
     number, (A, B) = len(pairs), eps.getOperators()
     if eps.getWhichEigenpairs() != slepc().EPS.Which.TARGET_MAGNITUDE:
         return pairs, [f"{UNPROVED} options of SLEPc ask for others than the lowest ones"]
-    coarse = False
+    coarse = False  # at first what a light stiff node rounds does not hide the gaps between soft modes
     while True:
         pairs = sorted(pairs, key=lambda pair: away(pair[0]))[:number]
-        radius = _radius([away(value) for value, *_ in pairs], max(SAME[coarse] * away(pairs[-1][0]), ROUNDING * size))
+        far = away(pairs[-1][0])
+        same = max(SAME[coarse] * far, ROUNDING * size if coarse else 0.0)
+        radius = _radius([away(value) for value, *_ in pairs], same)
         inside = sum(away(value) < radius for value, *_ in pairs)
+        proved = [] if far - same - radius <= max(SAME[1] * far, NOISE * size) else [ALIKE]
         if radius <= 0.0:
-            return pairs, []
+            return pairs, proved
         count = below(A, B, target + radius) - (below(A, B, target - radius) if low is None else low)
         if count == inside:
-            return pairs, []
+            return pairs, proved
         more, missing = [], min(count - inside, there - number)
         if missing > 0:
             more = [pair for pair in _grown(eps, pairs, target, number + missing)[number:] if away(pair[0]) < radius]
         if not more and coarse:
             lost = f"{count - inside} mode{'s are' if count - inside > 1 else ' is'} missing between these: lower"
-            return pairs, [f"{lost} -modes_eps_tol" if missing > 0 else f"{UNPROVED} they are alike to rounding"]
+            return pairs, [f"{lost} -modes_eps_tol" if missing > 0 else ALIKE]
         coarse = not more
         pairs += more
 
