@@ -148,6 +148,8 @@ def test_values_for_all_groups_beside_those_of_each_group(tmp_path):
     scene = latinpc.read(path, EA=5e6, prestress={"a": 2e4, "b": 1e4}, **given)
     assert scene.stiffness * scene.initial_elongation == pytest.approx([2e4, 1e4, 1e4])
     assert (latinpc.read(path, EA={"a": 1.0, "b": 2.0}, **given).law == Law.CABLE).all()
+    weight = latinpc.read(path, EA=5e6, self_weight={None: 100.0, "b": 10.0}, support="x=min").line_load
+    assert weight[:, 1] == pytest.approx([-100.0, -10.0, -10.0])
     with pytest.raises(ValueError, match=r"--EA: what it gives .* in two\.obj, or by options of other groups"):
         latinpc.read(path, EA={"a": 1.0, "b": 2.0, None: 3.0}, **given)
 

@@ -130,7 +130,7 @@ def _elongations(table, scene, ends, line, line_groups, where):
     change = np.zeros(len(ends))
     for group, entries in table.get("elongations", {}).items():
         place = f"{where}: [case.elongations.{group}]"
-        chosen = lines_of(group, entries, line_groups, place)
+        chosen = lines_of(group, entries, line_groups, len(ends), place)
         key = one_of(entries, ("temperature", "shortening", "strain"), place)
         if key is None:
             raise ValueError(f"{place}: give temperature (K) with expansion (1/K), shortening (m), or strain")

@@ -119,9 +119,11 @@ def nodes_of(group, entries, nodes, node_groups, where):
     return chosen
 
 
-def lines_of(group, entries, line_groups, where):
-    """Return the lines of a group, or of all."""
+def lines_of(group, entries, line_groups, count, where):
+    """Return the lines of a group, or of all, but for groups that options give something else."""
     name = entries.get("lines", group)
+    if name == "all" and entries.get("but"):
+        return ~np.isin(np.arange(count), np.concatenate([line_groups[other] for other in entries["but"]]))
     if name == "all":
         return slice(None)
     of_nodes = [key for key in ("box", "where") if key in entries]
@@ -196,7 +198,7 @@ def read_loads(settings, nodes, links, line_groups, node_groups, description, pr
         if key == "force":
             load[nodes_of(group, entries, nodes, node_groups, where)] += value
         else:
-            along[lines_of(group, entries, line_groups, where)] += value
+            along[lines_of(group, entries, line_groups, len(links), where)] += value
     return load + lumped(along, _lengths(nodes, links), links, len(nodes)), along
 
 
@@ -212,7 +214,7 @@ def read_masses(settings, nodes, links, line_groups, node_groups, description, m
         if key == "mass":
             mass[nodes_of(group, entries, nodes, node_groups, where)] += value
         else:
-            along[lines_of(group, entries, line_groups, where)] += value
+            along[lines_of(group, entries, line_groups, len(links), where)] += value
     mass += lumped(along, _lengths(nodes, links), links, len(nodes))
     return mass if mass.any() else None, along
 

@@ -74,10 +74,11 @@ def add_options(settings, given, support, load, self_weight):
         if f"--load {text}" in settings.get("loads", {}):
             raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
         settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
-    for group, value in self_weight.items():
+    for group, value in sorted(self_weight.items(), key=lambda given: given[0] is None):  # that of all others last
         value = number(value, "--self-weight" if group is None else f"--self-weight of '{group}'")
         words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"
-        settings.setdefault("loads", {})[words] = {"down": value, "lines": "all" if group is None else group}
+        entries = {"lines": "all", "but": [name for name in self_weight if name]} if group is None else {"lines": group}
+        settings.setdefault("loads", {})[words] = {"down": value} | entries
 
 
 def _texts(given, name, example):
