@@ -273,11 +273,13 @@ def test_the_toml_file_of_two_tables(name, tmp_path):
 
 
 def test_the_toml_file_of_a_folder_is_beside_it_or_in_it(tmp_path):
-    folder = tmp_path / "bars"
+    folder = tmp_path / "bars.v2"
     folder.mkdir()
     (folder / "nodes.csv").write_text(CSV_NODES)
     (folder / "members.csv").write_text(CSV_MEMBERS)
-    for place in tmp_path / "bars.toml", folder / "any.toml":
+    (tmp_path / "bars.toml").write_text('title = "another structure"\n')
+    assert latinpc.read(folder).name == "bars.v2"
+    for place in tmp_path / "bars.v2.toml", folder / "any.toml":
         place.write_text('title = "two ropes"\n')
         assert latinpc.read(folder).name == "two ropes"
         place.unlink()

@@ -204,6 +204,11 @@ def _named(path):
     return path.resolve() if path.name in ("", "..") else path
 
 
+def _stem(path):
+    """Return the name without the suffix, which a folder has none of: br.v2 is no br."""
+    return path.name if path.is_dir() else path.stem
+
+
 def _reader(path):
     """Return the function that reads a file."""
     if not path.exists():
@@ -232,13 +237,14 @@ def _settings(path, description, lines, given):
 
 def _beside(path):
     """Return the TOML file of a file or a folder: that which is there, or else the name that it should have."""
-    names = [path.with_suffix(".toml")]
-    word = re.fullmatch(r"(?:(.+)[-_ ])?(nodes|members)", path.stem)
+    stem = _stem(path)
+    names = [path.with_name(f"{stem}.toml")]
+    word = re.fullmatch(r"(?:(.+)[-_ ])?(nodes|members)", stem)
     if path.is_dir():
         names += sorted(path.glob("*.toml"))
     elif word:
-        other = path.stem.removesuffix(word[2]) + ("members" if word[2] == "nodes" else "nodes")
-        names = [path.with_name(f"{stem}.toml") for stem in (word[1], other, path.stem) if stem]
+        other = stem.removesuffix(word[2]) + ("members" if word[2] == "nodes" else "nodes")
+        names = [path.with_name(f"{name}.toml") for name in (word[1], other, stem) if name]
     there = [name for name in names if name.is_file()]
     if len(there) > 1:
         raise ValueError(
@@ -381,7 +387,7 @@ def _scene(path, lines, settings, description, given):
             " such as z=min"
         )
     scene = Scene(
-        name=str(settings.get("title", re.sub(r"[-_ ](nodes|members)$", "", path.stem))),
+        name=str(settings.get("title", re.sub(r"[-_ ](nodes|members)$", "", _stem(path)))),
         nodes=nodes,
         links=ends[line].astype(np.int64),
         **laws,
