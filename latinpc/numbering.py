@@ -10,6 +10,7 @@ import numpy as np
 
 __all__ = ["Numbered", "Numbering", "grouped"]
 
+OF_ALL = ("edges", "lines", "members", "truss")  #: what readers call all lines of a file that does not group them
 _ONE = r"\d+\b(?: \([-\[\d][^)]*\))?"  # with a value, as `latinpc.arrays.refuse` writes it: "3 (-500.)"
 #: What errors of the library say of nodes and links, counted from 0: "Nodes that move (counted from 0): 3, 4", "Link 5"
 _SAID = re.compile(
@@ -53,11 +54,11 @@ class Numbering:
 
 
 def grouped(groups: Mapping[str, np.ndarray], count: int) -> np.ndarray | None:
-    """Return the groups of each of so many nodes or links, (count,) of str; None where groups of all say nothing."""
+    """Return the groups of each of so many nodes or links, (count,) of str; None without any."""
     found = np.full(count, "", dtype=object)
     for name, rows in groups.items():
         rows = np.unique(rows)
-        if len(rows) < count:
+        if len(rows) < count or name not in OF_ALL:
             found[rows] += np.where(found[rows] == "", name, f"; {name}").astype(object)
     return found.astype(str) if found.any() else None
 

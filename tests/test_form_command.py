@@ -95,6 +95,23 @@ def test_command_takes_densities_by_group(tmp_path):
     assert scene.prestress / scene.lengths == pytest.approx(np.where(edges, 20e3, 2e3), rel=1e-9)
 
 
+def test_the_only_group_and_one_with_the_name_of_a_law_have_densities(tmp_path):
+    """Where a drawing has a group `cable`, this is meant, not the law; a group of all links is in the tables too."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix\nA,0,0,xy\nB,1,0,\nC,2,1,xy\n")
+    head = "start,end,law,EA,group\n"
+    for groups, given, exact in (
+        (("bar", "cable"), ("7", "cable=100"), [7.0, 100.0]),
+        (("wire", "wire"), ("7", "wire=50"), [50.0, 50.0]),
+    ):
+        rows = "".join(f"{ends},cable,1e5,{group}\n" for ends, group in zip(("A,B", "B,C"), groups))
+        (tmp_path / "members.csv").write_text(head + rows)
+        words = [word for text in given for word in ("--density", text)]
+        command("form", tmp_path, *words, "--csv", tmp_path / "f-members.csv", tmp_path / "f-nodes.csv")
+        scene = latinpc.read(tmp_path / "f-nodes.csv", support="x=min")
+        assert scene.prestress / scene.lengths == pytest.approx(exact, rel=1e-9)
+        assert tuple(scene.numbering.link_groups) == groups
+
+
 def test_densities_of_groups_that_share_links_are_refused(tmp_path):
     """Which of them holds is not said; equal ones may be, and that of a law gives way."""
     (tmp_path / "nodes.csv").write_text("node,x,y,fix\nA,0,0,xy\nB,1,0,\nC,2,1,xy\n")

@@ -163,20 +163,21 @@ def _densities(scene, texts):
                 f" {scene.link_name(int(none.argmax()))}; give --prestress, or numbers in place of drawn"
             )
         return found
-    twice = [text for text in texts if list(map(_kind, texts)).count(_kind(text)) > 1]
+    known = _laws_and_groups(scene)
+    kinds = {text: _kind(text, known) for text in texts}
+    twice = [text for text in texts if [kinds[other] for other in texts].count(kinds[text]) > 1]
     if twice:
         raise ValueError(f"--density {twice[0]} and --density {twice[1]} are for the same links; keep one")
     found, of_group = np.full(len(scene.links), np.nan), np.full(len(scene.links), "", object)
-    known = _laws_and_groups(scene)
-    for text in sorted(texts, key=lambda text: list(known).index(_kind(text)) if _kind(text) in known else 0):
-        value = finite(text.rpartition("=")[2])
-        if value is None or _kind(text) not in known:
-            names = ", ".join(filter(None, known))
+    for text in sorted(texts, key=lambda text: list(known).index(kinds[text]) if kinds[text] in known else 0):
+        value, kind = finite(text.rpartition("=")[2]), kinds[text]
+        if value is None or kind not in known:
+            names = ", ".join(name.name.lower() if isinstance(name, Law) else name for name in known if name != "")
             raise ValueError(
                 f"--density {text}: write a number (N/m), LAW=number or GROUP=number with one of the drawing ({names}),"
                 " or drawn"
             )
-        chosen, group = known[_kind(text)], bool(_kind(text)) and _kind(text).upper() not in Law.__members__
+        chosen, group = known[kind], kind != "" and not isinstance(kind, Law)
         both = np.flatnonzero(chosen & (of_group != "") & (found != value) & group)
         if both.size:
             raise ValueError(
@@ -190,22 +191,21 @@ def _densities(scene, texts):
     return found
 
 
-def _kind(text):
-    """Return the law or the group of a density, empty where it is for all."""
+def _kind(text, known):
+    """Return the group of a density, else the law, empty where it is for all."""
     word = text.rpartition("=")[0].strip()
-    law = word.upper().replace("-", "_")
-    return law.lower() if law in Law.__members__ else word
+    return word if word in known else Law.__members__.get(word.upper().replace("-", "_"), word)
 
 
 def _laws_and_groups(scene):
     """Return the links of all, of each law, and of each group of the drawing: the later ones say more."""
     known = {"": np.ones(len(scene.links), bool)}
     for law in (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY):
-        known |= {law.name.lower(): scene.law == law} if (scene.law == law).any() else {}
+        known |= {law: scene.law == law} if (scene.law == law).any() else {}
     groups = [] if scene.numbering is None or scene.numbering.link_groups is None else scene.numbering.link_groups
     several = [names.split("; ") for names in groups]
     for name in dict.fromkeys(name for names in several for name in names if name):
-        known.setdefault(name, np.array([name in names for names in several]))
+        known[name] = np.array([name in names for names in several])
     return known
 
 
