@@ -194,7 +194,25 @@ def test_what_is_given_per_metre_acts_over_the_lengths_of_the_form(tmp_path):
     command("form", *words, "--natural")
     drawn = latinpc.read(tmp_path, self_weight=30.0)
     assert latinpc.read(tmp_path / "f-nodes.csv").mass == pytest.approx(drawn.mass)
-    assert "without end: give larger densities" in command("form", *words, "--density", 10, code=2).stderr
+    assert command("form", *words, "--density", 10, code=2).stderr.split(": ")[1:] == [
+        "loads per metre lengthen the form, and grow with it, without end", "give larger densities\n"
+    ]  # fmt: skip
+
+
+def test_a_heavy_chain_whose_loads_grow_at_first_has_a_form(tmp_path):
+    """Of 20 links, 1.5 times as deep as its span: what pulls at each node is the weight of two halves."""
+    nodes = "".join(f"{5 * k},0,{'xy' if k in (0, 20) else ''}\n" for k in range(21))
+    (tmp_path / "nodes.csv").write_text("x,y,fix\n" + nodes)
+    links = "".join(f"{k},{k + 1},cable,1e9\n" for k in range(1, 21))
+    (tmp_path / "members.csv").write_text("start,end,law,EA\n" + links)
+    (tmp_path / "chain.toml").write_text("dim = 2\n")
+    (tmp_path / "found").mkdir()
+    tables = tmp_path / "found" / "members.csv", tmp_path / "found" / "nodes.csv"
+    command("form", tmp_path, "--density", 100, "--self-weight", 30, "--csv", *tables)
+    found = latinpc.read(tmp_path / "found")
+    steps = np.diff(found.nodes[:, 1])
+    assert found.nodes[:, 1].min() < -150.0
+    assert 100.0 * np.diff(steps) == pytest.approx(15.0 * (found.lengths[1:] + found.lengths[:-1]), rel=1e-6)
 
 
 def test_self_weight_within_a_flat_drawing_is_noted(tmp_path):
