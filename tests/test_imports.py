@@ -66,6 +66,25 @@ def test_options_give_what_a_table_leaves_out(tmp_path):
     assert scene.stiffness * scene.initial_elongation == pytest.approx([5.0, 5.0])
 
 
+def test_options_of_a_group_fill_what_its_table_or_toml_file_leaves_empty(tmp_path):
+    """What is for all lines is not for contacts, which have no EA; an option that no line takes is named."""
+    head = "start,end,law,EA,prestress,group\n"
+    (tmp_path / "bars-nodes.csv").write_text(CSV_NODES + "base,4,-1,xy,\n")
+    members = "left,middle,cable,4e7,,a\nright,middle,,,,b\nmiddle,base,,,,c\n"
+    (tmp_path / "bars-members.csv").write_text(head + members)
+    (tmp_path / "bars.toml").write_text("[laws.b]\nlaw = 'cable'\n[laws.c]\nlaw = 'contact'\n")
+    path = tmp_path / "bars-members.csv"
+    scene = latinpc.read(path, EA=2e7, prestress={None: 7.0, "a": 5.0})
+    assert scene.stiffness * LENGTH == pytest.approx([4e7, 2e7, 0.0])
+    assert scene.prestress == pytest.approx([5.0, 7.0, 0.0])
+    with pytest.raises(ValueError, match=r"--EA of 'a': what it gives has been given already, in bars-members\.csv"):
+        latinpc.read(path, EA={"a": 1e7, "b": 2e7})
+    with pytest.raises(
+        ValueError, match=r"bars\.toml: \[laws\.b\], with --law, --EA, --prestress of 'b': EA must be pos"
+    ):
+        latinpc.read(path, EA={"b": -1.0})
+
+
 GRAINS = "node,x,y,z,fix,Fz\n1,0,0,0,xyz,\n2,1,0,0,xyz,\n3,0.5,0.8,0,xyz,\n4,0.5,0.3,0.8,,-1\n"
 
 

@@ -17,6 +17,10 @@ def by_group(value):
     return value if isinstance(value, dict) else {} if value is None else {None: value}
 
 
+#: What options give of a law, and the entries of a file that say the same
+ALIKE = {"law": ("law",), "EA": ("EA", "stiffness"), "prestress": ("prestress", "strain", "initial_elongation")}
+
+
 @dataclass
 class Given:
     """What options say of the laws, by group; `usual` is the law of groups that need none said."""
@@ -30,38 +34,37 @@ class Given:
 
     def __post_init__(self):
         names = {group: kind.name if isinstance(kind, Law) else str(kind) for group, kind in self.law.items()}
-        self.law = {group: name.lower().replace("-", "_").replace(" ", "_") for group, name in names.items()}
+        names = {group: name.lower().replace("-", "_").replace(" ", "_") for group, name in names.items()}
+        self.law, self.taken = self.usual | names, {("law", group) for group in self.usual}
 
-    def named(self):
-        """Return the groups that options name, None for all others."""
-        return {**self.law, **self.EA, **self.prestress}.keys()
-
-    def entries(self, group):
-        """Return the law of a group, as in ``[laws.NAME]``."""
-        found = {"law": self.law.get(group, self.usual.get(group, self.law.get(None, "bar")))}
-        for key in ("EA", "prestress"):
-            value = getattr(self, key).get(group, getattr(self, key).get(None))
-            if value is not None and not (key == "EA" and self.rigid(found["law"]) and group not in self.EA):
-                found[key] = value
-        return found
+    def groups(self):
+        """Return the groups that options name, and None, for all other lines."""
+        return [*sorted({**self.law, **self.EA, **self.prestress}.keys() - {None}), None]
 
     @staticmethod
     def rigid(kind):
-        """Return whether a law takes no EA."""
-        return kind in [law.name.lower() for law in RIGID]
+        """Return whether a law takes neither EA nor prestress."""
+        return kind in ["table", *(law.name.lower() for law in RIGID)]
 
-    def completed(self, entries):
-        """Return the law that a file gives a line, with what it leaves out; note what of the options that takes."""
-        found = {"law": self.entries(None)["law"], **entries}
-        missing = {"law"} - set(entries)
-        if not {"EA", "stiffness"} & set(entries) and None in self.EA and not self.rigid(found["law"]):
-            found["EA"] = self.EA[None]
-            missing.add("EA")
-        if not {"prestress", "strain", "initial_elongation"} & set(entries) and None in self.prestress:
-            found["prestress"] = self.prestress[None]
-            missing.add("prestress")
-        self.taken |= missing
+    def completed(self, entries, group, law):
+        """Return the law of lines of a group, with what a file leaves out of it; note what options give.
+
+        Laws that take none are left out of what is for all lines. `law` is the default, None without any.
+        """
+        found = {"law": law} | entries if law else dict(entries)
+        for key, alike in ALIKE.items():
+            values = getattr(self, key)
+            of = group if group in values else None
+            useless = key != "law" and of is None and (entries or group) and self.rigid(found.get("law"))
+            if of in values and not useless and not entries.keys() & set(alike):
+                found[key] = values[of]
+                self.taken.add((key, of))
         return found
+
+    def useless(self):
+        """Return the first option that no line has taken, as (name, group); None without any."""
+        given = [(key, group) for key in ALIKE for group in getattr(self, key)]
+        return next((option for option in given if option not in self.taken), None)
 
 
 def add_options(settings, given, support, load, self_weight):

@@ -255,43 +255,48 @@ def _beside(path):
 
 def _assignments(settings, description, lines, given):
     """Return the laws of all lines: of the file, of the TOML file, of options, in this order."""
-    path, tables = lines.path, list(settings.get("laws", {}).items())
+    groups, found = given.groups(), []
+    number = np.full(len(lines.ends), len(groups) - 1)
+    for index, group in reversed(list(enumerate(groups[:-1]))):
+        if group not in lines.groups:
+            raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
+        _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
+        number[lines.groups[group]] = index
+    for where, chosen, entries, law in _of_files(settings, description, lines):
+        for index in np.unique(number[chosen]):
+            group, part = groups[index], chosen[number[chosen] == index]
+            options, full = OPTIONS + (f" of '{group}'" if group else ""), given.completed(entries, group, law)
+            if not entries and "EA" not in full and not given.rigid(full["law"]):
+                without = [name for name, lines_of in lines.groups.items() if np.isin(part, lines_of).any()]
+                cure = f"write [laws.{without[0]}]" if without else "put every line in a group"
+                raise ValueError(
+                    f"{lines.path}: {len(part)} lines have no law; {cure} in {description.name}, or give --EA"
+                )
+            filled = full.keys() - entries.keys() - {"law"}
+            found.append((f"{where}, with {options}" if where and filled else where or options, part, full))
+    if (useless := given.useless()) is not None:
+        of, more = f" of '{useless[1]}'" if useless[1] else "", "" if useless[0] == "law" else ", or the laws take none"
+        files = " or ".join(file.name for file in (lines.path, description) if file.is_file())
+        raise ValueError(
+            f"--{useless[0]}{of}: what it gives has been given already, in {files}, or by options of other groups{more}"
+        )
+    return found
+
+
+def _of_files(settings, description, lines):
+    """Return (place, lines, entries, default law) of what files give; the last are the lines that they give none."""
+    tables = list(settings.get("laws", {}).items())
     table = _tables_of_lines(tables, lines, description)
     left, found = np.ones(len(lines.ends), bool), []
     for where, chosen, entries in lines.laws:
         for index in np.unique(table[chosen]):
             part = chosen[table[chosen] == index]
             of_file = (where, entries) if index < 0 else _together(where, entries, description, *tables[index])
-            found.append((of_file[0], part, given.completed(of_file[1])))
+            found.append((of_file[0], part, of_file[1], "bar"))
             left[part] = False
     for index, (group, entries) in enumerate(tables):
-        chosen = np.flatnonzero(left & (table == index))
-        if len(chosen):
-            found.append((f"{description}: [laws.{group}]", chosen, entries))
-            left[chosen] = False
-    for group in [*given.usual, *sorted(given.named() - {None} - given.usual.keys()), None]:
-        if group is not None and group not in lines.groups:
-            raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
-        if group is not None:
-            _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
-        chosen = np.flatnonzero(left) if group is None else lines.groups[group][left[lines.groups[group]]]
-        entries, where = given.entries(group), OPTIONS + ("" if group is None else f" of '{group}'")
-        useless = [key for key in ("law", "EA", "prestress") if group in getattr(given, key)]
-        useless = [key for key in useless if group is not None or key not in given.taken]
-        if not len(chosen) and useless:
-            files = " or ".join(file.name for file in (path, description) if file.is_file())
-            raise ValueError(
-                f"--{useless[0]}: what it gives has been given already, in {files}, or by options of other groups"
-            )
-        if len(chosen) and "EA" not in entries and not given.rigid(entries["law"]):
-            without = [name for name, lines_of in lines.groups.items() if np.isin(chosen, lines_of).any()]
-            cure = f"write [laws.{without[0]}]" if without else "put every line in a group"
-            raise ValueError(f"{path}: {len(chosen)} lines have no law; {cure} in {description.name}, or give --EA")
-        if len(chosen):
-            found.append((where, chosen, entries))
-            left[chosen] = False
-            given.taken |= {key for key in entries if group not in getattr(given, key) and group not in given.usual}
-    return found
+        found.append((f"{description}: [laws.{group}]", np.flatnonzero(left & (table == index)), entries, None))
+    return [*found, ("", np.flatnonzero(left & (table < 0)), {}, "bar")]
 
 
 def _tables_of_lines(tables, lines, description):
