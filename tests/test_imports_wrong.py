@@ -281,7 +281,15 @@ def test_a_unit_is_given_once(tmp_path):
     nodes = tmp_path / "bars-nodes.csv"
     nodes.write_text(nodes.read_text().replace("node,x,y", "node,x [mm],y [mm]"))
     assert latinpc.read(nodes).nodes.max() < 0.01
-    with pytest.raises(ValueError, match=r"--scale 0.001: .*bars-members.csv has a unit in the heading of 'x' already"):
+    said = r"--scale 0.001: there is a unit already, in the heading of '{}' in .*bars-{}\.csv"
+    with pytest.raises(ValueError, match=said.format("x", "nodes")):
+        latinpc.read(nodes, scale=0.001)
+    nodes.write_text(nodes.read_text().replace(" [mm]", ""))
+    members = tmp_path / "bars-members.csv"
+    members.write_text("start,end,law,EA,initial_elongation\nleft,middle,bar,4e7,2\nright,middle,bar,4e7,\n")
+    assert latinpc.read(nodes, scale=0.001).initial_elongation == pytest.approx([0.002, 0.0])
+    members.write_text(members.read_text().replace("elongation", "elongation [mm]"))
+    with pytest.raises(ValueError, match=said.format("initial_elongation", "members")):
         latinpc.read(nodes, scale=0.001)
 
 

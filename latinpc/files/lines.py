@@ -10,6 +10,7 @@ import numpy as np
 from latinpc.numbering import place_name
 
 MERGE = 1e-6  # of the largest extent: the least distance of two points of a drawing that are not one node
+LENGTHS = ("initial_elongation", "gap")  # entries of laws that are in the unit of the file
 GENERIC = np.array([0.5773, 0.7071, 0.4082])  # a direction along which the points of a regular drawing are apart
 
 
@@ -38,7 +39,7 @@ class Lines:
     unit : float, optional
         Unit of length (m), None where a drawing should name one and does not.
     heading : str
-        A column of lengths whose heading has a unit of its own, if there is one.
+        A column of lengths whose heading has a unit of its own, with its file, if there is one.
     fixed, prescribed, load : (n, 3) array, optional
         Of the points, in units of the file and N.
     mass : (n,) array of float, optional
@@ -107,7 +108,7 @@ class Lines:
         return f"{self.path}, line {row}" if row else f"{self.path}: the line between nodes {a} and {b} of the file"
 
     def in_metres(self, scale=None):
-        """Return the lines with coordinates and displacements in m.
+        """Return the lines with coordinates, displacements, initial elongations and gaps in m.
 
         Parameters
         ----------
@@ -115,15 +116,20 @@ class Lines:
             A unit of length of the file (m); by default what the file says.
         """
         if scale is not None and self.heading:
-            raise ValueError(f"--scale {scale:g}: {self.path} has a unit in the heading of '{self.heading}' already")
+            raise ValueError(f"--scale {scale:g}: there is a unit already, in the heading of {self.heading}")
         notes = ["the drawing has no unit: coordinates are taken as m (--scale)"] if scale is self.unit is None else []
         scale = (self.unit or 1.0) if scale is None else scale
         if not 0.0 < scale < np.inf:
             raise ValueError(f"--scale {scale:g}: it must be positive, such as 0.001 for a file in mm")
         notes += [] if scale == 1.0 else [f"a unit of length is {scale:g} m"]
+        laws = [
+            (where, chosen, {key: value * scale if key in LENGTHS else value for key, value in entries.items()})
+            for where, chosen, entries in self.laws
+        ]
         return replace(
-            self, points=self.points * scale, prescribed=self.prescribed * scale, unit=1.0, notes=self.notes + notes
-        )
+            self, points=self.points * scale, prescribed=self.prescribed * scale, laws=laws, unit=1.0,
+            notes=self.notes + notes,
+        )  # fmt: skip
 
     def merged(self, tolerance=None):
         """Return the lines with points nearer to each other than a tolerance made one.

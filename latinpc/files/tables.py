@@ -46,7 +46,7 @@ MEMBERS = (
     "coefficient", "area", "strength", "group",
 )  # fmt: skip
 LAW = MEMBERS[3:-1]
-LENGTHS = ("x", "y", "z", "ux", "uy", "uz")
+LENGTHS = ("x", "y", "z", "ux", "uy", "uz", "initial_elongation", "gap")
 NEEDED = ("x", "y", "z", "time", "factor")  # no cell of theirs may be empty
 HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
@@ -86,7 +86,7 @@ def read_tables(path):
     return Lines(
         members_file, vectors("xyz"), ends, {"members": np.arange(len(ends))} | members.groups(), nodes.groups(),
         rows=np.array(members.rows), laws=_laws(members), fixed=fixed, prescribed=prescribed,
-        heading=next((name for name in LENGTHS if name in nodes.scale), ""),
+        heading=next(filter(None, (table.length_unit() for table in (nodes, members))), ""),
         load=vectors(("Fx", "Fy", "Fz")), mass=nodes.numbers("mass"), point_names=np.array(names),
         line_names=[name or str(row + 1) for row, name in enumerate(members.columns.get("member", [""] * len(ends)))],
     )  # fmt: skip
@@ -211,6 +211,10 @@ class Table:
             (path, row, said), (other, there, before) = self.marks["."], self.marks[","]
             wrong(path, row, f"{said}, but {before} in {other.name}, line {there}", "one decimal mark")
         return number * self.scale.get(name, 1.0)
+
+    def length_unit(self):
+        """Return the first column of lengths whose heading has a unit, and the file; None without one."""
+        return next((f"'{name}' in {self.path}" for name in LENGTHS if name in self.scale), None)
 
     def groups(self):
         """Return the rows of each name in the column group."""
