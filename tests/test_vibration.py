@@ -186,6 +186,8 @@ def test_mechanisms_are_named():
     assert not latinpc.modes(latinpc.Structure(**structure, geometry="prestress"), 3).mechanisms.any()
     free = latinpc.Structure([[0.0, 0.0], [1.0, 0.0]], [[0, 1]], "bar", 1e3, mass=1.0)  # two shifts, a rotation
     assert list(latinpc.modes(free, 4).mechanisms) == [True, True, True, False]
+    assert latinpc.modes(free, 4).notices[0].startswith("3 mechanisms, modes of no stiffness")
+    assert latinpc.modes(free, 2).notices[0].startswith("at least 2 mechanisms, modes of no stiffness")
     assert latinpc.modes(free, 4).frequencies[3] == pytest.approx(np.sqrt(2e3) / (2.0 * np.pi))
 
 

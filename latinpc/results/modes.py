@@ -367,7 +367,8 @@ def _mechanisms(found):
     nodes = sorted({node for mode in loose for node in found.movers(mode)})
     named = found.structure.some_nodes(nodes[: 2 * _NAMED], len(nodes) > 2 * _NAMED)
     cure = "" if found.structure.geometry != "linear" else "; prestress holds them with the geometry prestress or large"
-    return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at {named}{cure}"]
+    least = "at least " if loose.size == len(found.mechanisms) < np.count_nonzero(~found.structure.fixed) else ""
+    return [f"{least}{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at {named}{cure}"]
 
 
 def _idle(found):
