@@ -93,6 +93,7 @@ def test_lines_of_a_merged_table_keep_their_number(tmp_path):
     (tmp_path / "members.csv").write_text("start,end,EA\n1,2,1\n1,3,1\n1,3,1\n")
     scene = latinpc.read(tmp_path, merge=0.01)
     assert len(scene.links) == 3 and scene.load.ravel().tolist() == [0, 3]
+    assert scene.metadata["notes"] == ["1 point merged"]
 
 
 def test_upright_lines_and_slopes_are_not_raised_or_braced(tmp_path):

@@ -157,10 +157,10 @@ class Lines:
             raise ValueError(f"{self.path}: holds no line longer than {tolerance:g} m, the distance of --merge")
         new = np.full(len(ends), -1)
         new[keep] = np.arange(len(keep))
-        counts = (
-            ("points merged", len(self.points) - len(first)),
-            ("lines left out that are drawn twice or shorter than the tolerance", len(ends) - len(keep)),
-        )
+        points, left = len(self.points) - len(first), len(ends) - len(keep)
+        notes = [f"{points:,} point{'s' * (points > 1)} merged"] if points else []
+        one = "line left out that is" if left == 1 else "lines left out that are"
+        notes += [f"{left:,} {one} drawn twice or shorter than the tolerance"] if left else []
         return replace(
             self,
             points=self.points[first],
@@ -175,7 +175,7 @@ class Lines:
             mass=_gathered(np.add, self.mass, of),
             point_names=self.point_names[first],
             line_names=None if self.line_names is None else self.line_names[keep],
-            notes=self.notes + [f"{count:,} {text}" for text, count in counts if count],
+            notes=self.notes + notes,
         )
 
     def _refuse_contradictions(self, tolerance, of):
