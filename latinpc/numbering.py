@@ -25,11 +25,16 @@ def place(nodes: np.ndarray, node: int) -> np.ndarray:
     return np.where(np.abs(nodes[node]) < 1e-12 * np.abs(nodes).max(), 0.0, nodes[node])
 
 
-def place_name(nodes: np.ndarray, node: int) -> str:
-    """Return the coordinates of a node as text, with six digits of the extent, which tell neighbours apart."""
+def place_digits(nodes: np.ndarray, of_extent: int) -> int:
+    """Return the digits of coordinates that have so many of the extent, which tell neighbours apart far from zero."""
     extent = np.ptp(nodes, axis=0).max()
     beyond = np.log10(np.abs(nodes).max() / extent) if extent > 0.0 else 0.0
-    digits = 6 + max(0, int(np.ceil(beyond)))
+    return of_extent + max(0, int(np.ceil(beyond)))
+
+
+def place_name(nodes: np.ndarray, node: int) -> str:
+    """Return the coordinates of a node as text, with six digits of the extent."""
+    digits = place_digits(nodes, 6)
     return f"({', '.join(f'{x:.{digits}g}' for x in place(nodes, node))})"
 
 

@@ -61,6 +61,14 @@ def test_every_kind_of_file_has_names(kind, tmp_path):
     assert [again.node_name(2), again.link_name(1)] == [nodes[2], links[1]]
 
 
+def test_places_far_from_zero_tell_nodes_apart(tmp_path):
+    """At the coordinates of a map."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix,Fx\nA,500000.25,5400000.5,xy,\nB,500000.75,5400000,y,-1\n")
+    (tmp_path / "members.csv").write_text("start,end,EA\nA,B,1e3\n")
+    said = command("solve", tmp_path).stdout
+    assert "at node B (500000.75, 5,400,000) m" in said and "at node A (500000.25, 5400000.5) m" in said
+
+
 def test_layers_and_merged_points_keep_the_names_of_the_first(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 2 0 0\nv 4 0 0\nl 1 2\nl 3 4\n")
     scene = latinpc.read(tmp_path / "a.obj", brace=1.0, EA=1e6, support="x=min")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from latinpc.laws import UNILATERAL, Law
-from latinpc.numbering import place
+from latinpc.numbering import place, place_digits
 
 from .report import in_words
 from .units import counted, number, quantity, scaled, share
@@ -164,7 +164,8 @@ def _worst(scene, result):
 
 def _node(scene, node):
     """Return the name and the coordinates of a node."""
-    name, where = scene.node_name(node), f"({', '.join(number(value, 5) for value in place(scene.nodes, node))}) m"
+    name, at, shown = scene.node_name(node), place(scene.nodes, node), place_digits(scene.nodes, 5)
+    where = f"({', '.join(number(value, shown) for value in at)}) m"
     return where if name.startswith("(") else f"{name} {where}"
 
 
