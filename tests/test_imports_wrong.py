@@ -208,6 +208,8 @@ def test_toml_files_move_supports_of_tables(tmp_path):
     path.write_text("node,x,y,fix,uy\nleft,0,3,xy,1\nright,8,3,xy,\nmiddle,4,0,,\n")
     with pytest.raises(ValueError, match=r"\[supports.left\]: a node has another displacement along y already"):
         latinpc.read(path)
+    toml.write_text('[supports.held]\nwhere = "y=max"\nfix = "y"\n')
+    assert latinpc.read(path, support="x=min").prescribed.tolist() == [[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]]
 
 
 @pytest.mark.parametrize(("toml", "words"), [

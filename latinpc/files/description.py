@@ -172,10 +172,13 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
                 if value[axis]:
                     raise ValueError(f"{where}: displacement along {AXES[axis]}, which is not in fix")
                 continue
+            fixed[chosen, axis] = True
+            if "displacement" not in entries:  # what is held stays where others have moved it
+                continue
             clash = given[chosen, axis] & (prescribed[chosen, axis] != value[axis])
             if clash.any():
                 raise ValueError(f"{where}: a node has another displacement along {AXES[axis]} already")
-            fixed[chosen, axis] = given[chosen, axis] = True
+            given[chosen, axis] = True
             prescribed[chosen, axis] = value[axis]
     return fixed, prescribed
 

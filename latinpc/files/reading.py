@@ -33,7 +33,7 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
 
     [supports.abutments]                 # group of points or lines
     fix = ["x", "y", "z"]                # or "xyz"; optional: all directions
-    displacement = [0.0, 0.0, -0.01]     # m, optional
+    displacement = [0.0, 0.0, -0.01]     # m, optional; without it that of the file, or none
 
     [loads.deck]
     force = [0.0, 0.0, -1e4]             # N on each node
