@@ -171,7 +171,9 @@ def test_what_acts_on_a_node_without_links_is_refused(tmp_path):
     text = path.read_text()
     for cells, what in (("xy,5", "load"), (",-5", "load")):
         path.write_text(f"{text}pole,9,9,{cells}\n")
-        with pytest.raises(ValueError, match=f"no link touches node pole, one of 1 such with a {what}"):
+        with pytest.raises(
+            ValueError, match=rf"bars-nodes\.csv: no link touches node pole, one of 1 such with a {what}"
+        ):
             latinpc.read(path)
     path.write_text(f"{text}pole,9,9,xy,\nmast,9,9,,\n")
     notes = ["2 nodes that no link touches left out, 1 of them held, such as pole"]
@@ -258,7 +260,7 @@ def test_a_table_is_given_in_the_toml_file(tmp_path):
 def test_merged_nodes_have_one_displacement(tmp_path):
     path, _ = written(tmp_path, "csv")
     path.write_text("node,x,y,fix,uy\nmiddle,4,0,,\nP9,0,3,xy,0\nleft,0,3,xy,0.01\nright,8,3,xy,\nP7,8,3,,\n")
-    with pytest.raises(ValueError, match="--merge 0 joins nodes P9 and left of the file, which have different"):
+    with pytest.raises(ValueError, match=r"bars-nodes\.csv: --merge 0 joins nodes P9 and left of the file, which"):
         latinpc.read(path, merge=0.0)
     path.write_text("node,x,y,fix,uy\nmiddle,4,0,,\nP8,0,3,,\nP9,0,3,xy,0\nleft,0,3,xy,0.01\nright,8,3,xy,\n")
     with pytest.raises(ValueError, match="joins nodes P9 and left of the file"):

@@ -52,6 +52,8 @@ class Lines:
         What the file calls its points, empty where it has no name; by default they are counted from 1.
     line_names : (m,) array of int or str, optional
         What it calls its lines; by default they go by their points.
+    nodes_path : path-like, optional
+        The file of the points, where that is another one, for messages.
     """
 
     path: pathlib.Path
@@ -73,9 +75,11 @@ class Lines:
     geometry: str = "linear"
     point_names: np.ndarray | None = None
     line_names: np.ndarray | None = None
+    nodes_path: pathlib.Path | None = None
 
     def __post_init__(self):
         self.path = pathlib.Path(self.path)
+        self.nodes_path = self.nodes_path or self.path
         self.points = np.asarray(self.points, dtype=float).reshape(-1, 3)
         self.ends = np.asarray(self.ends, dtype=np.int64).reshape(-1, 2)
         n = len(self.points)
@@ -187,7 +191,7 @@ class Lines:
             other = np.flatnonzero(self.prescribed[held, axis] != self.prescribed[first, axis])
             if other.size:
                 raise ValueError(
-                    f"{self.path}: --merge {tolerance:g} joins nodes {self.point_name(first[other[0]])} and"
+                    f"{self.nodes_path}: --merge {tolerance:g} joins nodes {self.point_name(first[other[0]])} and"
                     f" {self.point_name(held[other[0]])} of the file, which have different prescribed displacements"
                 )
 

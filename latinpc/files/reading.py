@@ -341,8 +341,8 @@ def _dimension(settings, lines, description):
         (max(moved, default=0) + 1, "a node has a load or a displacement along {}"),
     ):
         if dim < needed:
-            file = pair(lines.path)[0] if lines.path.suffix.lower() == ".csv" else lines.path
-            raise ValueError(f"{description}: dim = {dim}, but {what.format(AXES[needed - 1])} in {file.name}")
+            said = f"{what.format(AXES[needed - 1])} in {lines.nodes_path.name}"
+            raise ValueError(f"{description}: dim = {dim}, but {said}")
     return dim
 
 
@@ -423,8 +423,8 @@ def _left_out(lines, used):
         acted = np.flatnonzero(alone & values.any(axis=1))
         if acted.size:
             raise ValueError(
-                f"{lines.path}: no link touches node {lines.point_name(acted[0])}, one of {acted.size} such with a"
-                f" {what}; join it by a link, or take its {what} away"
+                f"{lines.nodes_path}: no link touches node {lines.point_name(acted[0])}, one of {acted.size} such with"
+                f" a {what}; join it by a link, or take its {what} away"
             )
     held, count = np.flatnonzero(alone & lines.fixed.any(axis=1)), int(alone.sum())
     more = f", {held.size:,} of them held, such as {lines.point_name(held[0])}" if held.size else ""

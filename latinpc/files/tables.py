@@ -86,7 +86,7 @@ def read_tables(path):
     return Lines(
         members_file, vectors("xyz"), ends, {"members": np.arange(len(ends))} | members.groups(), nodes.groups(),
         rows=np.array(members.rows), laws=_laws(members), fixed=fixed, prescribed=prescribed,
-        heading=next(filter(None, (table.length_unit() for table in (nodes, members))), ""),
+        heading=next(filter(None, (table.length_unit() for table in (nodes, members))), ""), nodes_path=nodes_file,
         load=vectors(("Fx", "Fy", "Fz")), mass=nodes.numbers("mass"), point_names=np.array(names),
         line_names=[name or str(row + 1) for row, name in enumerate(members.columns.get("member", [""] * len(ends)))],
     )  # fmt: skip
