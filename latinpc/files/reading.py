@@ -266,7 +266,7 @@ def _assignments(settings, description, lines, given):
         for index in np.unique(number[chosen]):
             group, part = groups[index], chosen[number[chosen] == index]
             options, full = OPTIONS + (f" of '{group}'" if group else ""), given.completed(entries, group, law)
-            if not entries and "EA" not in full and not given.rigid(full["law"]):
+            if not where and "EA" not in full and not given.rigid(full["law"]):
                 without = [name for name, lines_of in lines.groups.items() if np.isin(part, lines_of).any()]
                 cure = f"write [laws.{without[0]}]" if without else "put every line in a group"
                 raise ValueError(

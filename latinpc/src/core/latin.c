@@ -63,15 +63,21 @@ PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
 {
   const LatinStructure structure = latin->sub.structure;
   const PetscScalar   *k;
+  PetscReal            scale = 0.0;
   PetscObjectState     state;
   Vec                  tangent = NULL;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
-  if (latin->tuning_state != state) latin->tuning = 1.0;
+  if (latin->tuning_state != state) {
+    latin->tuning      = 1.0;
+    latin->rigid_scale = 0.0;
+  }
+  latin->tuning_state = state;
+  if (structure->rigid_law >= 0) PetscCall(LatinStructureRigidScale_Private(structure, &scale));
+  if (LatinScaleFar(scale, latin->rigid_scale)) latin->rigid_scale = scale;
   if (!latin->sub.link_stiffness) PetscCall(PetscMalloc1(structure->links_local, &latin->sub.link_stiffness));
-  PetscCall(LatinStructureStiffness_Private(structure, latin->sub.link_stiffness));
-  if (structure->rigid_law >= 0) PetscCall(LatinStructureRigidScale_Private(structure, &latin->rigid_scale));
+  PetscCall(LatinStructureStiffness_Private(structure, latin->rigid_scale, latin->sub.link_stiffness));
   for (PetscInt l = 0; l < structure->links_local; l++)
     if (LatinLaws[structure->law[l]].rigid) latin->sub.link_stiffness[l] *= latin->tuning;
   if (P) PetscCall(LatinTangentFind_Private(structure, P, &tangent));

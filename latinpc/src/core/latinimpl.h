@@ -25,7 +25,7 @@ struct _p_Latin {
   LatinLinear           linear;
   PetscReal             tuning;       /* factor on the automatic search parameters of rigid links of structure/rigidlaws.c */
   PetscObjectState      tuning_state; /* of the structure when `tuning` was set */
-  PetscReal             rigid_scale;  /* the scale of those parameters at the last set-up of operators */
+  PetscReal             rigid_scale;  /* of those parameters without elastic neighbours; of the loads at the first set-up, until these are far from it */
   PetscReal             setup_seconds;
   PetscBool             set_up;
   PetscBool             tuned;                                             /* search parameters alone are new: subdomains and interfaces stay */
@@ -33,6 +33,14 @@ struct _p_Latin {
   PetscBool             stale;                                             /* options have changed since the set-up */
   PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure at the last set-up */
 };
+
+#define LATIN_PARAMETER_FAR 16.0 /* largest factor of all changes of search parameters together, rigid links alone; of loads over gaps that keep them */
+
+/* Are loads over gaps, of this scale, far from those that a search parameter was made for? */
+static inline PetscBool LatinScaleFar(PetscReal scale, PetscReal made)
+{
+  return (PetscBool)(scale > LATIN_PARAMETER_FAR * made || made > LATIN_PARAMETER_FAR * scale);
+}
 
 /* ---- core/latin.c ---- */
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);

@@ -113,6 +113,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   KSP_Latin             *data = (KSP_Latin *)ksp->data;
   const LatinSubdomains *sub  = &data->latin->sub;
   PetscReal             *v = data->latin->linear.U, *f = data->latin->linear.g, norm, difference;
+  PetscScalar           *a;
   Vec                    x;
 
   PetscFunctionBegin;
@@ -127,6 +128,9 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
     PetscCall(LatinDistribute_Private(sub, x, v));
     PetscCall(LatinOperatorMult(sub, v, f));
     PetscCall(LatinSum_Private(sub, f, data->solution));
+    PetscCall(VecGetArray(data->residual, &a));
+    for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = 0.0; /* masses without links */
+    PetscCall(VecRestoreArray(data->residual, &a));
   }
   PetscCall(VecDestroy(&x));
   PetscCall(VecAXPY(data->residual, -1.0, data->solution));

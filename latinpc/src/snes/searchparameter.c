@@ -21,7 +21,6 @@
 #define LATIN_PARAMETER_WINDOW 30   /* initial window of linear stages, as many as between two restarts of the Anderson acceleration */
 #define LATIN_PARAMETER_GAIN   0.5  /* stall: the indicator has not been reduced by this factor, windows LATIN_PARAMETER_PAST / 2 apart */
 #define LATIN_PARAMETER_MOST   4.0  /* largest factor of a change */
-#define LATIN_PARAMETER_FAR    16.0 /* largest factor of all changes together, rigid links alone */
 #define LATIN_PARAMETER_OFF    32.0 /* largest ratio of search parameter and measured stiffness without a change */
 #define LATIN_PARAMETER_RANGE  1e10 /* largest factor of all changes together, beside elastic links: the measured stiffness of a collapsing structure decreases, until operators are singular to rounding */
 #define LATIN_PARAMETER_AGAIN  3    /* most changes beside elastic links */
@@ -177,6 +176,16 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscFunctionReturn(0);
 }
 
+/* The search parameters that a state was saved with, before operators are built. Collective on latin */
+PetscErrorCode LatinParameterRestore_Private(Latin latin, PetscReal tuning, PetscReal scale)
+{
+  PetscFunctionBegin;
+  if (tuning == latin->tuning && scale == latin->rigid_scale) PetscFunctionReturn(0);
+  PetscCall(LatinParameterTune_Private(latin, tuning / latin->tuning));
+  latin->rigid_scale = scale;
+  PetscFunctionReturn(0);
+}
+
 /* Before a solve: other loads or gaps may be far from those of the automatic search parameters of rigid links alone, which no iteration then meets. Marks the operators for a rebuild. Collective on latin */
 PetscErrorCode LatinParameterLoads_Private(Latin latin)
 {
@@ -186,7 +195,6 @@ PetscErrorCode LatinParameterLoads_Private(Latin latin)
   PetscFunctionBegin;
   if (!latin->set_up || structure->rigid_law < 0 || structure->ground || (latin->load_state == structure->load_state && latin->e0_state == structure->e0_state)) PetscFunctionReturn(0);
   PetscCall(LatinStructureRigidScale_Private(structure, &scale));
-  if (scale <= LATIN_PARAMETER_FAR * latin->rigid_scale && latin->rigid_scale <= LATIN_PARAMETER_FAR * scale) PetscFunctionReturn(0);
-  PetscCall(LatinParameterTune_Private(latin, 1.0 / latin->tuning));
+  if (LatinScaleFar(scale, latin->rigid_scale)) PetscCall(LatinParameterTune_Private(latin, 1.0 / latin->tuning));
   PetscFunctionReturn(0);
 }

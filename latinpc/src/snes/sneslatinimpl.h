@@ -122,6 +122,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, LatinParameter *, LatinNext *);
+PETSC_INTERN PetscErrorCode LatinParameterRestore_Private(Latin, PetscReal tuning, PetscReal scale);
 PETSC_INTERN PetscErrorCode LatinParameterLoads_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);

@@ -236,8 +236,9 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     const SNES_Latin *data = (SNES_Latin *)state.snes->data;
 
     PetscCheck(data->z, comm, PETSC_ERR_ORDER, "There is no state yet: solve, or make a step, before");
-    head.tuning    = (double)data->latin->tuning;
-    head.solutions = data->has_state + (data->has_state && data->has_before);
+    head.tuning      = (double)data->latin->tuning;
+    head.rigid_scale = (double)data->latin->rigid_scale;
+    head.solutions   = data->has_state + (data->has_state && data->has_before);
     if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
     state.kind[1] = data->large.solution ? 1.0 : 0.0;
     if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->turns);
@@ -297,7 +298,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
   if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* restores the search parameters of rigid links before operators are built */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
-    if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
+    if (head.tuning > 0.0) PetscCall(LatinParameterRestore_Private(snes->latin, (PetscReal)head.tuning, (PetscReal)head.rigid_scale));
   }
   PetscCall(SNESSetUp(state.snes));
   PetscCall(LatinStateStructure_Private(&state, &structure));

@@ -11,12 +11,12 @@
    Only the first rank reads and writes; its errors are raised on all ranks.
 */
 
-#define LATIN_STATE_FORMAT 6     /* version of the format; others are refused */
+#define LATIN_STATE_FORMAT 7     /* version of the format; others are refused */
 #define LATIN_STATE_HEAD   512   /* bytes of the header */
 #define LATIN_STATE_CHUNK  65536 /* bytes read at once */
 
 /* Names of the members of LatinStateHead */
-static const char *const LatinStateNames[] = {"latinpc_state", "integer_bytes", "real_bytes", "ranks", "motion", "structure", "note_bytes", "time", "time_step", "shift", "tuning", "steps", "started", "solutions", "hdf5", "sum"};
+static const char *const LatinStateNames[] = {"latinpc_state", "integer_bytes", "real_bytes", "ranks", "motion", "structure", "note_bytes", "time", "time_step", "shift", "tuning", "rigid_scale", "steps", "started", "solutions", "hdf5", "sum"};
 #define LATIN_STATE_LINES ((int)PETSC_STATIC_ARRAY_LENGTH(LatinStateNames))
 
 static void LatinStatePrint(const LatinStateHead *head, char text[LATIN_STATE_HEAD])

@@ -13,7 +13,7 @@
 typedef struct {
   double format, integer_bytes, real_bytes, ranks, motion, structure, note_bytes;
   double time, time_step, shift; /* 1 / h^2 of a motion */
-  double tuning;                 /* of the search parameters of rigid links */
+  double tuning, rigid_scale;    /* of the search parameters of rigid links */
   double steps, started, solutions;
   double hdf5, sum; /* format: 1 HDF5, 0 PETSc binary; checksum of the file */
 } LatinStateHead;

@@ -294,7 +294,7 @@ PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
   PetscCall(PetscFree(frame->spring));
   if (base->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* never NULL then */
-  PetscCall(LatinStructureStiffness_Private(base, frame->spring));
+  PetscCall(LatinStructureStiffness_Private(base, 0.0, frame->spring));
   for (PetscInt l = 0; l < n; l++) frame->spring[l] *= LATIN_FRAME_PENALTY;
   PetscFunctionReturn(0);
 }

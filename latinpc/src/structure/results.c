@@ -16,7 +16,7 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
   PetscCall(VecDestroy(&d));
   *l2 = rn > 0.0 ? dn / rn : dn;
   PetscCall(PetscMalloc3(structure->links_local, &k, structure->links_local, &e, structure->links_local, &r));
-  PetscCall(LatinStructureStiffness_Private(structure, k));
+  PetscCall(LatinStructureStiffness_Private(structure, 0.0, k));
   PetscCall(LatinStructureElongations_Private(structure, held, u, e));
   PetscCall(LatinStructureElongations_Private(structure, held, reference, r));
   for (PetscInt l = 0; l < structure->links_local; l++) {

@@ -50,10 +50,11 @@ PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
    The search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without any, the mean
    load of a loaded node over the mean gap, of the loads that there are now. Of a time step, that of its base. Collective on structure
 */
-PetscErrorCode LatinStructureRigidScale_Private(LatinStructure structure, PetscReal *scale)
+PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *scale)
 {
-  const PetscInt dim    = structure->dim;
-  PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
+  const LatinStructure structure = step->base ? step->base : step;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -87,18 +88,18 @@ PetscErrorCode LatinStructureRigidScale_Private(LatinStructure structure, PetscR
    k: stiffnesses of the links of this rank; of rigid ones automatic search parameters. These are the mean
    stiffness of the elastic links at the two nodes, plus in a time step the inertia of the two nodes against a change
    of their distance. They are rounded to powers of two, so that equal subdomains have bitwise equal ones, on any number of
-   ranks. Collective on structure
+   ranks. scale: that of rigid links with neither; 0: of the loads there are. Collective on structure
 */
-PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal k[])
+PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal scale, PetscReal k[])
 {
-  PetscReal         *node, *vertex, *ground, scale;
+  PetscReal         *node, *vertex, *ground;
   Vec                local;
   const PetscScalar *g;
 
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(k, structure->stiffness, structure->links_local));
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(LatinStructureRigidScale_Private(structure->base ? structure->base : structure, &scale));
+  if (!(scale > 0.0)) PetscCall(LatinStructureRigidScale_Private(structure, &scale));
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
     PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 at clamped vertices */

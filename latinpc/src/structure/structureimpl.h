@@ -182,7 +182,7 @@ PETSC_INTERN PetscErrorCode LatinStructureForces_Private(LatinStructure, const P
 PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, PetscReal *product);
 
 /* ---- rigid laws (structure/rigidlaws.c) ---- */
-PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
+PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal scale, PetscReal k[]);
 PETSC_INTERN PetscErrorCode LatinStructureRigidScale_Private(LatinStructure, PetscReal *scale);
 PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);

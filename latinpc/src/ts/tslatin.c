@@ -136,6 +136,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
   PetscCall(TSLatinAdapt_Private(ts));
+  PetscCall(TSLatinGeometry_Private(data->step, snes));
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* initially at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
@@ -190,14 +191,16 @@ static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
   PetscReal part = 1.0, next = ts->time_step, h = ts->time_step; /* part: fraction of the step that the SNES solves for */
-  PetscBool accept     = PETSC_FALSE, latin;
+  PetscBool accept     = PETSC_FALSE, latin, midpoint;
   PetscInt  rejections = 0, linear;
   SNES      snes;
 
   PetscFunctionBegin;
   if (!ts->steps && data->started) LatinAgree(PetscObjectComm((PetscObject)ts), data->moved, PETSC_ERR_ORDER, "Supports have moved in the last motion of this TS: before another one call TSReset(), with the supports where it starts");
   PetscCall(TSGetSNES(ts, &snes));
+  midpoint = data->step->midpoint;
   PetscCall(TSLatinGeometry_Private(data->step, snes));
+  if (data->step->midpoint != midpoint) PetscCall(LatinStructureAttachSNES(data->step, snes)); /* another line search */
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   while (!ts->reason && !accept) {
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
