@@ -132,3 +132,18 @@ def test_loads_far_from_those_of_the_set_up(first, force):
     assert snes.getIterationNumber() < 100
     assert structure.displacements(u)[3, 0] == pytest.approx(0.0067, rel=1e-6)
     assert latinpc.tensions(snes) == pytest.approx([0.0, force, 0.0], rel=1e-4, abs=1e-6 * force)
+
+
+def test_options_that_change_with_the_loads():
+    """Loads that need other search parameters come with another number of subdomains: both are taken."""
+    scene = replace(make("packing", side=6), subdomain=None)
+    structure = latinpc.Structure.from_scene(scene)
+    snes, u = structure.create_snes(), structure.create_vec()
+    snes.setFromOptions()
+    latinpc.set_subdomains(snes, 2)
+    snes.solve(None, u)
+    latinpc.set_subdomains(snes, 4)
+    structure.set_load(1e4 * scene.load)
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert latinpc.statistics(snes)["subdomains"] == 4

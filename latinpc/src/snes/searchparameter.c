@@ -171,7 +171,8 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &latin->tuning_state));
   latin->tuning *= factor;
-  latin->stale = latin->tuned = PETSC_TRUE;
+  if (!latin->stale) latin->tuned = PETSC_TRUE; /* else options have changed as well */
+  latin->stale = PETSC_TRUE;
   PetscCall(PetscInfo(latin, "Search parameter of rigid links multiplied by %g\n", (double)factor));
   PetscFunctionReturn(0);
 }
