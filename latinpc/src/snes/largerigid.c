@@ -11,7 +11,7 @@
 #define LATIN_LARGE_PENALTY_SLOW  4.0                        /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
 #define LATIN_LARGE_PENALTY_MOST  1e2                        /* times the first penalty: more, and rounding of the penalty hides soft links */
 #define LATIN_LARGE_PENALTY_TIMES 40                         /* most solves */
-#define LATIN_LARGE_PENALTY_LEFT  LatinByPrecision(1e2, 2.0) /* times the last change of tensions: what it may leave; changes that fall more slowly are rounding */
+#define LATIN_LARGE_PENALTY_LEFT  LatinByPrecision(1e2, 2.0) /* times the last change of tensions: what it may leave; changes that fall more slowly are rounding, by which, without this, nets next to jams are refused (tests/test_large_laws.py) */
 #define LATIN_LARGE_PENALTY_NEAR  1e3                        /* times the mean tension over length: the penalty from near the solution on */
 
 /*
