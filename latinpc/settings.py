@@ -69,8 +69,8 @@ def set_partitioner(solver: Solver, partitioner: str) -> None:
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     partitioner : {"auto", "metis", "parallel"}
-        METIS on one rank, which gathers all links; PT-Scotch or ParMETIS on all ranks; ``"auto"``: METIS on one
-        rank and for a million links or less.
+        METIS on one rank, which gathers all links; PT-Scotch or ParMETIS on all ranks; ``"auto"``: METIS up to eight
+        ranks, and for a million links or less.
     """
     _latin.set_partitioner(solver, _number("partitioner", PARTITIONERS, partitioner))
 

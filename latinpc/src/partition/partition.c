@@ -66,16 +66,12 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscFunctionReturn(0);
 }
 
-/* Fails if the graph is too large for the 32-bit integers of METIS. Collective on structure */
-static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
+/* Can METIS take the graph with its 32-bit integers? */
+static PetscBool LatinPartitionTakes(LatinStructure structure)
 {
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
 
-  PetscFunctionBegin;
-  PetscCheck(largest <= (PetscReal)PETSC_MPI_INT_MAX, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition() (in Python, latinpc.Structure(..., subdomain=...)), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
-             structure->links_global);
-  PetscFunctionReturn(0);
+  return (PetscBool)(largest <= (PetscReal)PETSC_MPI_INT_MAX);
 }
 
 /* Bisection on rank 0 for two subdomains with a primal interface. Collective on structure */
@@ -107,16 +103,19 @@ static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, Pet
   PetscFunctionReturn(0);
 }
 
-#define LATIN_METIS_ALONE 1000000 /* most links that METIS partitions on one rank of several: of 1.3 million on eight ranks this one takes 685 MB, the others 431 to 513 */
+#define LATIN_METIS_ALONE 1000000 /* links: the graph of so many takes 94 MB */
+#define LATIN_METIS_RANKS 8       /* the graph of all links takes as much memory as the subdomains of an eighth of them */
 
-/* *pieces: is the partition parallel? */
+/* *pieces: is the partition parallel? METIS on one rank is faster as long as that rank has the memory */
 static PetscErrorCode LatinPartitionInPieces_Private(LatinStructure structure, LatinPartitioner partitioner, PetscBool *pieces)
 {
   PetscMPIInt size;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)structure), &size));
-  *pieces = (PetscBool)(partitioner == LATIN_PARTITIONER_PARALLEL || (partitioner == LATIN_PARTITIONER_AUTO && size > 1 && structure->links_global > LATIN_METIS_ALONE));
+  *pieces = (PetscBool)(size > LATIN_METIS_RANKS && structure->links_global > LATIN_METIS_ALONE);
+  if (size > 1 && !LatinPartitionTakes(structure)) *pieces = PETSC_TRUE;
+  if (partitioner != LATIN_PARTITIONER_AUTO) *pieces = (PetscBool)(partitioner == LATIN_PARTITIONER_PARALLEL);
 #if !defined(LATIN_MATPARTITIONING)
   PetscCheck(partitioner != LATIN_PARTITIONER_PARALLEL, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "This PETSc has neither PT-Scotch nor ParMETIS: choose another partitioner than parallel, or configure PETSc --with-ptscotch");
   *pieces = PETSC_FALSE;
@@ -136,7 +135,9 @@ static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const
   if (*count == 1) PetscCall(PetscArrayzero(of_link, structure->links_local));
   else if (pieces && *count <= structure->nodes_global) PetscCall(LatinPieces_Private(structure, request, *count, of_link));
   else {
-    PetscCall(LatinPartitionTakes_Private(structure));
+    PetscCheck(LatinPartitionTakes(structure), PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
+               "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition() (in Python, latinpc.Structure(..., subdomain=...)), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
+               structure->links_global);
     if (*count == 2 && request->primal) PetscCall(LatinPartitionHalves_Private(structure, of_link));
     else PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
   }
