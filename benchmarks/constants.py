@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -38,12 +39,18 @@ VALUE = r"(#\s*define {name}\s+(?:LatinByPrecision\()?)(\((?:[^()]|\([^()]*\))*\
 
 
 # ---- the sources ---------------------------------------------------------------------------------
+@cache
+def sources(folder):
+    """Return the files below latinpc/src, and their texts."""
+    return {file.relative_to(folder): file.read_text() for file in sorted(folder.rglob("*.[ch]"))}
+
+
 def definition(source, name):
     """Return the file of a constant below latinpc/src, and its value as it is written."""
-    for file in sorted(source.rglob("*.[ch]")):
-        match = re.search(VALUE.format(name=name), file.read_text())
+    for file, text in sources(source).items():
+        match = name in text and re.search(VALUE.format(name=name), text)
         if match:
-            return file.relative_to(source), match[2]
+            return file, match[2]
     raise SystemExit(f"{name} is not defined below {source}")
 
 
@@ -169,10 +176,8 @@ def others_table():
 def unlisted():
     """Return the constants of the C code that neither table has; macros that are code are none."""
     names = set()
-    for file in (ROOT / "latinpc" / "src").rglob("*.[ch]"):
-        names |= set(
-            re.findall(r"#\s*define (LATIN_[A-Z_]+)[ \t]+(?=[\d.(]|LatinByPrecision|PETSC_MAX)", file.read_text())
-        )
+    for text in sources(ROOT / "latinpc" / "src").values():
+        names |= set(re.findall(r"#\s*define (LATIN_[A-Z_]+)[ \t]+(?=[\d.(]|LatinByPrecision|PETSC_MAX)", text))
     return sorted(names - set(TUNING) - set(OTHERS))
 
 

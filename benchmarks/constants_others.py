@@ -104,8 +104,8 @@ OTHERS = {
     ),
     "LATIN_METIS_RANKS": (
         "ranks",
-        "Grids of 284 and 400 modules on 8 ranks: METIS on one rank takes 0.3 of 7 s of the set-up, PT-Scotch 1.6 of 8; "
-        "the largest rank 260 and 439 MB, with either. On 16 ranks 363 MB beside 264.",
+        "Grids of 284 and 400 modules on 8 ranks: METIS on one rank takes 0.3 of 7 s of the set-up, PT-Scotch 1.6 "
+        "of 8; the largest rank 260 and 439 MB, with either. On 16 ranks 363 MB beside 264.",
     ),
     "LATIN_REPAIR_HUB": (
         "links",
