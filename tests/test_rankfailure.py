@@ -143,7 +143,7 @@ def solve(program, compile_c):
     ("what", "rank", "door", "message"),
     [
         ("metis", 0, "snes", "METIS could not partition 1024 links into"),
-        ("halves", 0, "snes", "METIS could not bisect a graph of 300 nodes"),
+        ("halves", 0, "snes", "METIS could not partition 299 links into 2 subdomains"),
         ("gesvd", 1, "snes", "LAPACK gesvd failed on the modes of an interface"),
         ("local", 1, "snes", "Setting up the local solver failed"),
         ("local", 1, "ksp", "Setting up the local solver failed"),

@@ -10,7 +10,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import errors, solvers
+from latinpc.arrays import block
 from latinpc.files.lines import connected
+from latinpc.results.report import reason_name
 
 PREFIX = "form_"
 SUBSTRUCTURING = ("latin", "bddc", "nn")  # PCs that need the operators of the ranks: MATIS
@@ -136,22 +138,20 @@ def _csr(rows, columns, values, first, last, width):
 
 def _assembled(ends, density, count, comm):
     """Make D as AIJ: each rank has a block of rows."""
-    size, rank = comm.size, comm.rank
-    first, last = (count // size * r + min(r, count % size) for r in (rank, rank + 1))
+    first, last = block(count, comm.rank, comm.size)
     csr = _csr(*_entries(ends, density), first, last, count)
     return PETSc.Mat().createAIJ(((last - first, count), (last - first, count)), csr=csr, comm=comm)
 
 
 def _unassembled(ends, density, count, comm):
     """Make D as MATIS: each rank has a block of links, whose nodes it shares with others."""
-    size, rank, links = comm.size, comm.rank, len(ends)
-    mine = np.arange(*(links // size * r + min(r, links % size) for r in (rank, rank + 1)))
+    mine = np.arange(*block(len(ends), comm.rank, comm.size))
     rows, columns, values = _entries(ends[mine], density[mine])
     seen, local = np.unique(np.concatenate([rows, columns]), return_inverse=True)
     first, second = np.split(local, 2)
     csr = _csr(first, second, values, 0, len(seen), max(len(seen), 1))
     mapping = PETSc.LGMap().create(seen.astype(PETSc.IntType), comm=comm)
-    own = count // size + (rank < count % size)
+    own = -np.subtract(*block(count, comm.rank, comm.size))
     D = PETSc.Mat().createIS(((own, count), (own, count)), lgmapr=mapping, lgmapc=mapping, comm=comm)
     inner = PETSc.Mat().createAIJ((len(seen), len(seen)), csr=csr, comm=PETSc.COMM_SELF)
     D.setISLocalMat(inner)
@@ -180,8 +180,7 @@ def _apply(ksp, b, x):
     ksp.solve(b, x)
     reason = ksp.getConvergedReason()
     if reason < 0:
-        names = vars(PETSc.KSP.ConvergedReason).items()
-        name = next((key for key, value in names if value == reason and key.startswith("DIVERGED")), str(reason))
+        name = reason_name(PETSc.KSP.ConvergedReason, reason)
         raise RuntimeError(f"form finding: the linear solver ends with {name}; {CURE}")
 
 

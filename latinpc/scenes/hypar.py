@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from .network import Balance
 from .prestress import held, positive, squares
 from .scene import Law, Scene
 
 MESH = 1.0  # side of a mesh in plan (m)
 EA = 1.0e6  # of the cables of the net (N)
-STEPS = 10  # times as many iterations as unknowns, at most
 
 
 def hypar(
@@ -63,24 +63,8 @@ def hypar(
 
 
 def _settle(nodes, cables, density, fixed):
-    """Move the nodes that are not fixed to where cables of these force densities balance: conjugate gradients."""
-    free, count = ~fixed, len(nodes)
-
-    def forces(x):
-        pull = density[:, None] * (x[cables[:, 1]] - x[cables[:, 0]])
-        ends = [np.column_stack([np.bincount(end, part, count) for part in pull.T]) for end in cables.T]
-        return np.where(free[:, None], ends[0] - ends[1], 0.0)
-
-    left = forces(nodes)
-    step, size = left.copy(), (left**2).sum(axis=0)
-    least = 1e-28 * size.max()
-    for _ in range(STEPS * count):
-        if size.max() <= least:
-            return
-        curve = -(step * forces(step)).sum(axis=0)
-        part = np.divide(size, curve, out=np.zeros_like(size), where=size > least)
-        nodes += part * step
-        left += part * forces(step)
-        size, before = (left**2).sum(axis=0), size
-        step = left + np.divide(size, before, out=np.zeros_like(size), where=before > 0.0) * step
-    raise ValueError("the force densities have no balance: height and sag differ by too much")
+    """Move the nodes that are not fixed to where cables of these force densities balance."""
+    balance = Balance(np.ones((len(cables), 1)), cables, fixed[:, None])
+    for axis in range(nodes.shape[1]):
+        pull = balance.forces(density * balance.elongations(nodes[:, [axis]]))
+        nodes[:, [axis]] -= balance.displacements(pull, density, rtol=1e-14)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .scene import Law, Scene
-from .tensegrity_grid import EA_BAR, EA_CABLE, MAX_CABLE_TENSION, tensegrity_grid
+from .tensegrity_grid import EA_BAR, EA_CABLE, self_stress, tensegrity_grid
 
 DENSITY = 7850.0  # of steel (kg/m3)
 E_BAR, E_CABLE = 2.1e11, 1.6e11  # Young's moduli of steel bars and ropes (Pa): with EA they give the sections
@@ -93,7 +93,7 @@ def impact_tower(
     links = (3 * np.arange(levels)[:, None, None] + np.array(prism)).reshape(-1, 2)
     kinds = np.repeat([0, 1, 2, 3, 4], 3)
     law = np.tile(np.where(kinds == 4, Law.BAR, Law.CABLE), levels)
-    tension = _symmetric_self_stress(nodes[:6], np.array(prism), kinds)
+    tension = self_stress(nodes[:6], np.array(prism), kinds)
     length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
     stiffness = np.where(law == Law.BAR, EA_BAR, EA_CABLE) / length
     tower = Scene(
@@ -151,19 +151,6 @@ def bouncing_chain(links: int = 20, drop: float = 0.5, subdomains: int | None = 
         time_step=1e-3,
         metadata={"links": int(links), "drop": float(drop), "subdomains": int(subdomains)},
     )
-
-
-def _symmetric_self_stress(nodes, links, kinds):
-    """Tensions (N) of a module that balance each other, one for each kind of link, cables in tension."""
-    along = nodes[links[:, 1]] - nodes[links[:, 0]]
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    balance = np.zeros((*nodes.shape, kinds.max() + 1))
-    for (a, b), direction, kind in zip(links, along, kinds):
-        balance[a, :, kind] -= direction
-        balance[b, :, kind] += direction
-    tension = np.linalg.svd(balance.reshape(nodes.size, -1))[2][-1]
-    tension = tension[kinds] * np.sign(tension[0])
-    return tension * MAX_CABLE_TENSION / tension.max()
 
 
 def _hit(name, scene, targets, mass, speed, contact, chosen):

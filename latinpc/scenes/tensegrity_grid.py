@@ -145,7 +145,7 @@ def grid_part(
     length = np.linalg.norm(x[pattern[:, 1]] - x[pattern[:, 0]], axis=1)
     stiffness = np.where(is_cable, EA_CABLE, EA_BAR) / length
     initial_elongation = np.zeros(len(pattern))
-    initial_elongation[:16] = _self_stress(x) / stiffness[:16]
+    initial_elongation[:16] = self_stress(x, pattern[:16], np.arange(16)) / stiffness[:16]
     law = np.where(is_cable & (name == "tensegrity-grid"), Law.CABLE, Law.BAR)
     clamped = (nodes[:, 2] == 0.0) & ((nodes[:, 0] == 0.0) | (nodes[:, 0] == modules * SIDE))
     force = np.zeros_like(nodes)
@@ -226,17 +226,17 @@ def _cells(size, side, rank, ranks):
     return cells[order], of_cell[order]
 
 
-def _self_stress(x):
-    """Self-stress of an initial module (N): the kernel of B^t, positive in the cables."""
-    pattern = np.array(_CABLES + _BARS)
-    direction = x[pattern[:, 1]] - x[pattern[:, 0]]
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    equilibrium = np.zeros((8, 3, len(pattern)))  # B^t
-    for link, (a, b) in enumerate(pattern):
-        equilibrium[a, :, link] = -direction[link]
-        equilibrium[b, :, link] = direction[link]
-    tension = np.linalg.svd(equilibrium.reshape(24, -1))[2][-1]  # the kernel has one dimension
-    return tension * (MAX_CABLE_TENSION / tension[np.argmax(np.abs(tension[: len(_CABLES)]))])
+def self_stress(nodes, links, kinds):
+    """Tensions (N) of a module that balance each other, one for each kind of link; link 0 is a cable."""
+    along = nodes[links[:, 1]] - nodes[links[:, 0]]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    balance = np.zeros((*nodes.shape, kinds.max() + 1))
+    for (a, b), direction, kind in zip(links, along, kinds):
+        balance[a, :, kind] -= direction
+        balance[b, :, kind] += direction
+    tension = np.linalg.svd(balance.reshape(nodes.size, -1))[2][-1]
+    tension = tension[kinds] * np.sign(tension[0])
+    return tension * MAX_CABLE_TENSION / tension.max()
 
 
 def _blocks_a_side(modules, subdomains):

@@ -84,6 +84,19 @@ PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, 
   PetscFunctionReturn(0);
 }
 
+/* *sf: entries of a distributed array, `roots` of them on this rank -> leaves, given by their global numbers. Collective on comm */
+PetscErrorCode LatinSFFetch_Private(MPI_Comm comm, PetscInt roots, PetscInt leaves, const PetscInt number[], PetscSF *sf)
+{
+  PetscLayout map;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLayoutCreateFromSizes(comm, roots, PETSC_DETERMINE, 1, &map));
+  PetscCall(PetscSFCreate(comm, sf));
+  PetscCall(PetscSFSetGraphLayout(*sf, map, leaves, NULL, PETSC_COPY_VALUES, number));
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscFunctionReturn(0);
+}
+
 /* Replaces an SF by a duplicate without buffers: PetscSF keeps two arrays for each MPI type that it has sent. Collective on sf */
 PetscErrorCode LatinSFFresh_Private(PetscSF *sf)
 {

@@ -11,6 +11,7 @@ PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode min
 PETSC_INTERN PetscErrorCode LatinCheckChoice_Private(PetscObject, const char *const names[], int choice);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
+PETSC_INTERN PetscErrorCode LatinSFFetch_Private(MPI_Comm, PetscInt roots, PetscInt leaves, const PetscInt number[], PetscSF *);
 PETSC_INTERN PetscErrorCode LatinSFFresh_Private(PetscSF *);
 
 PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */

@@ -121,3 +121,33 @@ PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data
   PetscCall(LatinStreamCompare_Private(n, LatinRecordStream_Private, &records, pattern));
   PetscFunctionReturn(0);
 }
+
+/* list[*count]: the different ones of n numbers, ascending; place[n]: where each of them is there. list has room for n, and may be number itself */
+PetscErrorCode LatinPlaces_Private(PetscInt n, const PetscInt number[], PetscInt *count, PetscInt list[], PetscInt place[])
+{
+  PetscInt low = n ? PETSC_MAX_INT : 0, high = -1, *table;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < n; i++) {
+    low  = PetscMin(low, number[i]);
+    high = PetscMax(high, number[i]);
+  }
+  *count = n;
+  if (high - low >= 2 * n) { /* sparse numbers: sort, as a table from low to high would be too long */
+    PetscCall(PetscMalloc1(n, &table));
+    PetscCall(PetscArraycpy(table, number, n));
+    PetscCall(PetscSortRemoveDupsInt(count, table));
+    for (PetscInt i = 0; i < n; i++) PetscCall(PetscFindInt(number[i], *count, table, &place[i]));
+    PetscCall(PetscArraycpy(list, table, *count));
+  } else { /* counting sort is faster */
+    PetscCall(PetscCalloc1(high - low + 1, &table));
+    for (PetscInt i = 0; i < n; i++) table[number[i] - low] = 1;
+    *count = 0;
+    for (PetscInt k = 0; k <= high - low; k++) table[k] = table[k] ? (*count)++ : -1;
+    for (PetscInt i = 0; i < n; i++) place[i] = table[number[i] - low];
+    for (PetscInt k = 0; k <= high - low; k++)
+      if (table[k] >= 0) list[table[k]] = low + k;
+  }
+  PetscCall(PetscFree(table));
+  PetscFunctionReturn(0);
+}

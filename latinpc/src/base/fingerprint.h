@@ -24,6 +24,8 @@ PETSC_INTERN PetscErrorCode LatinStreamRoom_Private(LatinStream *, size_t, unsig
 PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
 PETSC_INTERN PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[]);
 
+PETSC_INTERN PetscErrorCode LatinPlaces_Private(PetscInt n, const PetscInt number[], PetscInt *count, PetscInt list[], PetscInt place[]);
+
 /* Bit mixer: the finaliser of MurmurHash3 */
 static inline uint64_t LatinMix(uint64_t h)
 {

@@ -295,7 +295,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
 {
   const LatinElements *top     = &coarse->top;
   const PetscInt       entries = top->offset[top->n];
-  PetscInt            *number, *at, n = entries;
+  PetscInt            *number, *at, n;
   PetscMPIInt          ranks;
   LatinCoarsePart      part;
   PetscBool            whole, lower;
@@ -305,9 +305,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
   PetscCall(PetscMalloc1(entries, &number));
   PetscCall(PetscMalloc1(entries, &at));
-  PetscCall(PetscArraycpy(number, coarse->top_global, entries));
-  PetscCall(PetscSortRemoveDupsInt(&n, number));
-  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
+  PetscCall(LatinPlaces_Private(entries, coarse->top_global, &n, number, at));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
   lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional && coarse->top_size > LATIN_COARSE_KEPT); /* a small matrix needs products, see LatinCoarseReleaseLocal_Private() */

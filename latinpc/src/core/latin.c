@@ -218,14 +218,6 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Do the subdomains here have no interior unknowns, as in coarse problems of substructures? Condensed matrices are too soft for single precision */
-static PetscBool LatinIsCondensed(const LatinInterfaces *inter)
-{
-  for (PetscInt i = 0; i < inter->sub->copies; i++)
-    if (inter->share_offset[i] == inter->share_offset[i + 1]) return PETSC_FALSE;
-  return PETSC_TRUE;
-}
-
 /* Sets up the stages above the subdomains, in order; kept: the interfaces exist. Collective on latin */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
@@ -242,7 +234,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscCall(LatinRepeats_Private(&latin->inter, &latin->dir, &latin->macro, pattern));
   PetscCall(LatinBatchesSetUp(&latin->sub, pattern, &latin->batches));
   PetscCall(LatinMacroShare_Private(&latin->macro, pattern));
-  if (LatinIsCondensed(&latin->inter)) latin->linear.precise = PETSC_TRUE;
+  if (latin->inter.condensed) latin->linear.precise = PETSC_TRUE; /* condensed matrices are too soft for single precision */
   PetscCall(LatinSetUpLinear_Private(latin));
   PetscCall(LatinSetUpProvisional_Private(latin));
   PetscCall(LatinCoarseSetUp(&latin->coarse, &latin->linear.stiffness));

@@ -66,24 +66,11 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   PetscFunctionReturn(0);
 }
 
-typedef struct {
-  PetscInt neighbour, copy;
-} LatinPair;
-
-/* Sorts by neighbour, then by copy, that is by node number: both sides list their nodes in the same order */
-static int LatinPairCompare(const void *pa, const void *pb)
-{
-  const LatinPair *a = (const LatinPair *)pa, *b = (const LatinPair *)pb;
-
-  if (a->neighbour != b->neighbour) return a->neighbour < b->neighbour ? -1 : 1;
-  return a->copy < b->copy ? -1 : (a->copy > b->copy ? 1 : 0);
-}
-
 /* The interfaces of each subdomain, their nodes and their classes. Collective on sub->object */
 static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
-  LatinPair             *pair;
+  LatinKey              *pair; /* neighbour and copy: sorted by copies, that is by node numbers, both sides list their nodes in the same order */
   PetscInt               total = 0, count = 0, counts[2] = {0, 0};
 
   PetscFunctionBegin;
@@ -102,13 +89,12 @@ static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
     for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++)
       for (PetscInt j = inter->share_offset[i]; j < inter->share_offset[i + 1]; j++) {
         if (inter->share_list[j] == sub->first + s) continue;
-        pair[total].neighbour = inter->share_list[j];
-        pair[total++].copy    = i;
+        pair[total++] = (LatinKey){.hash = (uint64_t)inter->share_list[j], .number = i};
       }
-    if (total > begin) qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinPairCompare);
+    if (total > begin) qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinKeyCompare);
     inter->offset[s] = count;
     for (PetscInt p = begin; p < total; p++)
-      if (p == begin || pair[p].neighbour != pair[p - 1].neighbour) count++;
+      if (p == begin || pair[p].hash != pair[p - 1].hash) count++;
   }
   inter->offset[sub->n] = count;
   inter->count          = count;
@@ -119,10 +105,10 @@ static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
       LatinFrame      frame;
 
       face->sub        = s;
-      face->neighbour  = pair[p].neighbour;
+      face->neighbour  = (PetscInt)pair[p].hash;
       face->node_first = p;
-      while (p < total && pair[p].neighbour == face->neighbour && pair[p].copy < sub->node_offset[s + 1]) {
-        inter->node_list[p] = pair[p].copy;
+      while (p < total && (PetscInt)pair[p].hash == face->neighbour && pair[p].number < sub->node_offset[s + 1]) {
+        inter->node_list[p] = pair[p].number;
         p++;
       }
       face->node_last = p;

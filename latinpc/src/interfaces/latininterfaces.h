@@ -48,7 +48,6 @@ typedef struct {
   /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, LatinInterfaceExchange_Private() gathers all rows at every copy */
   PetscSF   table_sf;
   PetscInt *table_offset;  /* [copies + 1] where the table of each copy starts */
-  PetscInt  table_roots;   /* entries of the tables that this rank gathers as the owner of nodes */
   PetscInt *primal_offset; /* [subdomains + 1] where the primal dofs of each subdomain start */
   PetscInt *primal_dof;    /* their dofs in arrays over copies */
   PetscInt *primal_index;  /* [copies * bs] position in its subdomain's primal list, -1 if not primal */

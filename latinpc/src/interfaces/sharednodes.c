@@ -86,7 +86,6 @@ PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, inter->share_list));
   PetscCall(PetscSFDestroy(&sf));
   PetscCall(LatinInterfaceTables_Private(sub, inter->table_offset, leaf + 1, squares, &inter->table_sf));
-  inter->table_roots = squares;
   PetscCall(PetscFree2(mine, all));
   PetscCall(PetscFree2(root, leaf));
 
@@ -102,10 +101,11 @@ PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
 /* Gathers the rows of tables: each copy has filled its own row with nonnegative numbers, the others are zero. Collective on sub->object */
 PetscErrorCode LatinInterfaceExchange_Private(const LatinInterfaces *inter, PetscInt table[])
 {
-  PetscInt *root;
+  PetscInt *root, roots;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(inter->table_roots, &root));
+  PetscCall(PetscSFGetGraph(inter->table_sf, &roots, NULL, NULL, NULL));
+  PetscCall(PetscCalloc1(roots, &root));
   PetscCall(LatinSFReduce_Private(inter->table_sf, 1, MPIU_INT, table, root, MPI_MAX));
   PetscCall(LatinSFBcast_Private(inter->table_sf, 1, MPIU_INT, root, table));
   PetscCall(PetscFree(root));

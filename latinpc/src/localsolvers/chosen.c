@@ -22,12 +22,9 @@ PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[
   const char *option[] = {"ksp_type", "pc_type", "pc_factor_mat_solver_type"};
   char        full[PETSC_MAX_PATH_LEN];
   PetscBool   given;
-  Mat         one;
 
   PetscFunctionBegin;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
-  PetscCall(MatGetFactorAvailable(one, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, is));
-  PetscCall(MatDestroy(&one));
+  PetscCall(MatSolverTypeGet(LATIN_CHOLESKY, MATSEQAIJ, MAT_FACTOR_CHOLESKY, NULL, is, NULL));
   for (PetscInt i = 0; i < 3; i++) {
     PetscCall(PetscSNPrintf(full, sizeof(full), "-%s_%s", name, option[i]));
     PetscCall(PetscOptionsHasName(parent->options, parent->prefix, full, &given));
@@ -71,12 +68,10 @@ PetscErrorCode LatinSolverNote_Private(KSP ksp, PetscBool preconditions, PetscBo
 */
 PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
 {
-  PC        pc;
   PetscBool direct, given;
 
   PetscFunctionBegin;
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  PetscCall(LatinSolverDirect_Private(ksp, &direct));
   if (direct || once) PetscFunctionReturn(0);
   PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, ((PetscObject)ksp)->prefix, "-ksp_type", &given));
   if (given) PetscFunctionReturn(0);

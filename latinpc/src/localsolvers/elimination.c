@@ -76,17 +76,13 @@ PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, cons
   const MatSolverType package[] = {LATIN_CHOLESKY, MATSOLVERMUMPS};
   PetscBool           found     = PETSC_FALSE;
   PetscInt            p         = 0;
-  Mat                 one;
 
   PetscFunctionBegin;
-  if (K->rows > LATIN_ELIMINATE_DENSE && K->i[K->rows] < (PetscReal)K->rows * K->rows / 2) {
-    PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
+  if (K->rows > LATIN_ELIMINATE_DENSE && K->i[K->rows] < (PetscReal)K->rows * K->rows / 2)
     for (p = 0; p < 2; p++) {
-      PetscCall(MatGetFactorAvailable(one, package[p], MAT_FACTOR_CHOLESKY, &found));
+      PetscCall(MatSolverTypeGet(package[p], MATSEQAIJ, MAT_FACTOR_CHOLESKY, NULL, &found, NULL));
       if (found) break;
     }
-    PetscCall(MatDestroy(&one));
-  }
   if (found) PetscCall(LatinEliminateSparse_Private(K, package[p], gamma, kept, F, bad));
   else PetscCall(LatinEliminateDense_Private(K, gamma, kept, F, bad));
   PetscFunctionReturn(0);

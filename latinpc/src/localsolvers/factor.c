@@ -13,38 +13,40 @@
 #define LATIN_ROOM          100                          /* work space of MUMPS beyond its own estimate, in percent */
 #define LATIN_ROOM_MOST     6400                         /* greatest work space, in percent, after three fourfold increases */
 
-/* *package: the first one with a Cholesky factorisation of A, the preferred one or another; NULL: none */
-static PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
+/* *package: the first of four with a factorisation of A of this kind, NULL: none, then PCREDUNDANT on several ranks */
+static PetscErrorCode LatinDirectChoose_Private(PC pc, Mat A, PCType type, MatFactorType kind, const MatSolverType candidates[4], MatSolverType *package)
 {
-  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
+  PetscMPIInt size;
+  PetscBool   found = PETSC_FALSE;
 
   PetscFunctionBegin;
-  *found = PETSC_FALSE;
-  for (PetscInt i = 0; i < 4 && !*found; i++) {
-    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_CHOLESKY, found));
-    if (package) *package = *found ? candidates[i] : NULL;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(PCSetType(pc, type));
+  *package = NULL;
+  for (PetscInt i = 0; i < 4 && !found; i++) {
+    PetscCall(MatGetFactorAvailable(A, candidates[i], kind, &found));
+    if (found) *package = candidates[i];
   }
+  if (found) PetscCall(PCFactorSetMatSolverType(pc, *package));
+  else if (size > 1) PetscCall(PCSetType(pc, PCREDUNDANT));
   PetscFunctionReturn(0);
 }
 
 /* Sets Cholesky with the preferred package; if PETSc lacks it, another one, with a warning */
 PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 {
-  static PetscBool warned  = PETSC_FALSE;
-  MatSolverType    package = NULL;
-  PetscMPIInt      rank;
-  PetscBool        found = PETSC_FALSE;
+  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
+  static PetscBool    warned       = PETSC_FALSE;
+  MatSolverType       package;
+  PetscMPIInt         rank;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCall(PCSetType(pc, PCCHOLESKY));
-  PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
-  if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
-  else PetscCall(PCSetType(pc, PCREDUNDANT)); /* no direct solver for a parallel matrix */
-  if (!warned && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
-  if (!warned && !rank && found && strcmp(package, preferred))
-    PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", strcmp(preferred, LATIN_CHOLESKY) ? preferred : "cholmod", package));
-  if (!found || strcmp(package, preferred)) warned = PETSC_TRUE;
+  PetscCall(LatinDirectChoose_Private(pc, A, PCCHOLESKY, MAT_FACTOR_CHOLESKY, candidates, &package));
+  if (package && !strcmp(package, preferred)) PetscFunctionReturn(0);
+  if (!warned && !rank && !package) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
+  if (!warned && !rank && package) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", strcmp(preferred, LATIN_CHOLESKY) ? preferred : "cholmod", package));
+  warned = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
@@ -52,17 +54,10 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 PetscErrorCode LatinDirectLU_Private(PC pc, Mat A)
 {
   const MatSolverType candidates[] = {MATSOLVERMUMPS, MATSOLVERUMFPACK, MATSOLVERKLU, MATSOLVERSUPERLU};
-  PetscMPIInt         size;
-  PetscBool           found = PETSC_FALSE;
+  MatSolverType       package;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
-  PetscCall(PCSetType(pc, PCLU));
-  for (PetscInt i = 0; i < 4 && !found; i++) {
-    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_LU, &found));
-    if (found) PetscCall(PCFactorSetMatSolverType(pc, candidates[i]));
-  }
-  if (!found && size > 1) PetscCall(PCSetType(pc, PCREDUNDANT));
+  PetscCall(LatinDirectChoose_Private(pc, A, PCLU, MAT_FACTOR_LU, candidates, &package));
   PetscFunctionReturn(0);
 }
 

@@ -10,17 +10,12 @@
 
 PetscErrorCode LatinDirectoryCreate_Private(LatinStructure structure, LatinDirectory *directory)
 {
-  MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
   const PetscInt  n = structure->nodes_local, m = 2 * structure->links_local;
   const PetscInt *degree;
   PetscInt       *number;
-  PetscLayout     map;
 
   PetscFunctionBegin;
-  PetscCall(PetscLayoutCreateFromSizes(comm, n, structure->nodes_global, 1, &map));
-  PetscCall(PetscSFCreate(comm, &directory->ends));
-  PetscCall(PetscSFSetGraphLayout(directory->ends, map, m, NULL, PETSC_COPY_VALUES, structure->nodes));
-  PetscCall(PetscLayoutDestroy(&map));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm((PetscObject)structure), n, m, structure->nodes, &directory->ends));
   PetscCall(PetscSFComputeDegreeBegin(directory->ends, &degree));
   PetscCall(PetscSFComputeDegreeEnd(directory->ends, &degree));
   PetscCall(PetscMalloc1(n + 1, &directory->offset));

@@ -54,7 +54,7 @@ typedef struct {
 } LatinCut;
 PETSC_INTERN PetscErrorCode LatinCutIncidence_Private(LatinCut *);
 PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], int *failed);
-PETSC_INTERN PetscErrorCode LatinHalves_Private(PetscInt dim, PetscInt nodes, const PetscReal x[], PetscInt links, const PetscInt ends[], PetscInt part[], int *failed);
+PETSC_INTERN PetscErrorCode LatinHalves_Private(const LatinCut *, const PetscReal x[], PetscInt part[], int *failed);
 PETSC_INTERN PetscErrorCode LatinFollow_Private(const LatinCut *, const PetscInt of_node[], PetscInt part[]);
 PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, const PetscBool mine[], PetscInt give[], PetscInt take[], PetscInt part[], PetscInt *moves);
 PETSC_INTERN void           LatinRepairBounds(const LatinCut *, PetscInt *least, PetscInt *most);

@@ -1,5 +1,5 @@
 #include "partition/latinpartition.h"
-#include <metis.h>
+#include "partition/dissection.h"
 
 /*
    METIS on the graph of the nodes (edges: links; vertex weights: numbers of links). It minimises the communication volume: the
@@ -66,6 +66,41 @@ PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *fai
     PetscCall(PetscFree(of_node));
   }
   for (PetscInt l = 0; l < cut->links && small && !*failed; l++) part[l] = (PetscInt)graph.part[cut->nodes + l];
+  PetscCall(PetscFree4(graph.start, graph.list, graph.weight, graph.part));
+  PetscFunctionReturn(0);
+}
+
+/*
+   part[l]: half of each link, 0 or 1, by a small vertex separator with balanced halves, for two subdomains with a primal interface; links
+   inside the separator go to the smaller half. This is the first step of the nested dissection of the whole structure, so that two subdomains
+   cost no more than one. It is geometric (partition/dissection.c), or by METIS if coordinates do not reflect the graph. No repair is needed: a
+   subdomain is eliminated with its interface held, where links missing there do not matter. *failed: 0, or the status of METIS
+*/
+PetscErrorCode LatinHalves_Private(const LatinCut *cut, const PetscReal x[], PetscInt part[], int *failed)
+{
+  LatinGraph graph;
+  idx_t      size, options[METIS_NOPTIONS], *half;
+  PetscInt   count[2] = {0, 0};
+  PetscBool  done;
+
+  PetscFunctionBegin;
+  PetscCall(LatinGraphCreate_Private(cut, PETSC_FALSE, &graph));
+  half = graph.part;
+  PetscCall(LatinDissectHalves_Private(cut->dim, graph.count, graph.start, graph.list, x, half, &done));
+  *failed = 0;
+  if (!done) {
+    METIS_SetDefaultOptions(options);
+    options[METIS_OPTION_SEED]    = 1; /* the same partition at every run */
+    options[METIS_OPTION_UFACTOR] = LATIN_HALVES_BALANCE;
+    *failed                       = METIS_ComputeVertexSeparator(&graph.count, graph.start, graph.list, NULL, options, &size, half);
+    if (*failed == METIS_OK) *failed = 0;
+  }
+  for (PetscInt l = 0; l < cut->links && !*failed; l++) {
+    part[l] = (PetscInt)PetscMin(half[cut->ends[2 * l]], half[cut->ends[2 * l + 1]]); /* 2: both ends are on the interface */
+    if (part[l] < 2) count[part[l]]++;
+  }
+  for (PetscInt l = 0; l < cut->links && !*failed; l++)
+    if (part[l] == 2) part[l] = count[0] <= count[1] ? 0 : 1;
   PetscCall(PetscFree4(graph.start, graph.list, graph.weight, graph.part));
   PetscFunctionReturn(0);
 }

@@ -3,8 +3,7 @@
 /*
    The subdomain of each link, from
      the caller's partition;
-     bisection for two subdomains with a primal interface (partition/halves.c);
-     METIS on one rank (partition/metis.c), repaired (partition/repair.c);
+     METIS on one rank (partition/metis.c), repaired (partition/repair.c), or bisection for two subdomains with a primal interface;
      PT-Scotch or ParMETIS on all ranks if the structure is large (partition/pieces.c).
 */
 
@@ -44,25 +43,29 @@ static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut 
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links and scatters the result. Collective on structure */
+/* METIS is sequential: rank 0 partitions all links, bisects them for two subdomains with a primal interface, and scatters the result. Collective on structure */
 static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
-  MPI_Comm  comm = PetscObjectComm((PetscObject)structure);
-  LatinCut  cut  = {.corners = request->corners, .parts = parts, .mean = (PetscReal)structure->links_global / (PetscReal)parts};
-  PetscInt *part;
-  int       failed = 0;
+  MPI_Comm        comm   = PetscObjectComm((PetscObject)structure);
+  const PetscBool halves = (PetscBool)(parts == 2 && request->primal);
+  LatinCut        cut    = {.corners = request->corners, .parts = parts, .mean = (PetscReal)structure->links_global / (PetscReal)parts};
+  PetscReal      *x;
+  PetscInt       *part;
+  int             failed = 0;
 
   PetscFunctionBegin;
   PetscCall(LatinCutCreate_Private(structure, &cut));
-  PetscCall(PetscMalloc1(cut.links, &part));
-  if (cut.links) {
+  PetscCall(PetscMalloc2(cut.links, &part, halves ? cut.dim * cut.nodes : 0, &x));
+  if (halves) PetscCall(LatinSFBcast_Private(cut.node_sf, cut.dim, MPIU_REAL, (structure->base ? structure->base : structure)->x, x));
+  if (cut.links && halves) PetscCall(LatinHalves_Private(&cut, x, part, &failed));
+  else if (cut.links) {
     PetscCall(LatinMetis_Private(&cut, part, &failed));
     if (!failed) PetscCall(LatinRepairWhole_Private(&cut, part));
   }
   LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, cut.parts, failed);
   PetscCall(LatinSFReduce_Private(cut.link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
   PetscCall(LatinCutDestroy_Private(&cut));
-  PetscCall(PetscFree(part));
+  PetscCall(PetscFree2(part, x));
   PetscFunctionReturn(0);
 }
 
@@ -72,35 +75,6 @@ static PetscBool LatinPartitionTakes(LatinStructure structure)
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
 
   return (PetscBool)(largest <= (PetscReal)PETSC_MPI_INT_MAX);
-}
-
-/* Bisection on rank 0 for two subdomains with a primal interface. Collective on structure */
-static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, PetscInt of_link[])
-{
-  MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
-  const PetscInt dim  = structure->dim;
-  PetscInt      *ends, *part, links, nodes;
-  PetscReal     *x;
-  int            failed = 0;
-  PetscSF        link_sf, node_sf;
-  PetscMPIInt    rank;
-
-  PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  links = rank ? 0 : structure->links_global;
-  nodes = rank ? 0 : structure->nodes_global;
-  PetscCall(PetscMalloc3(2 * links, &ends, links, &part, dim * nodes, &x));
-  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &link_sf));
-  PetscCall(LatinOnFirstRank_Private(comm, structure->nodes_local, structure->nodes_global, &node_sf));
-  PetscCall(LatinSFBcast_Private(link_sf, 2, MPIU_INT, structure->nodes, ends));
-  PetscCall(LatinSFBcast_Private(node_sf, dim, MPIU_REAL, (structure->base ? structure->base : structure)->x, x));
-  if (links) PetscCall(LatinHalves_Private(dim, nodes, x, links, ends, part, &failed));
-  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not bisect a graph of %" PetscInt_FMT " nodes (METIS status %d)", structure->nodes_global, failed);
-  PetscCall(LatinSFReduce_Private(link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
-  PetscCall(PetscSFDestroy(&link_sf));
-  PetscCall(PetscSFDestroy(&node_sf));
-  PetscCall(PetscFree3(ends, part, x));
-  PetscFunctionReturn(0);
 }
 
 #define LATIN_METIS_ALONE 1000000 /* links: the graph of so many takes 94 MB */
@@ -138,8 +112,7 @@ static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const
     PetscCheck(LatinPartitionTakes(structure), PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
                "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition() (in Python, latinpc.Structure(..., subdomain=...)), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
                structure->links_global);
-    if (*count == 2 && request->primal) PetscCall(LatinPartitionHalves_Private(structure, of_link));
-    else PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
+    PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
   }
   PetscFunctionReturn(0);
 }

@@ -6,19 +6,6 @@
    the ranks that own it (partition/directory.c).
 */
 
-/* *sf: entries of a distributed array -> leaves, given by their global numbers. Collective on comm */
-static PetscErrorCode LatinPieceFetch_Private(MPI_Comm comm, PetscInt local, PetscInt global, PetscInt leaves, const PetscInt number[], PetscSF *sf)
-{
-  PetscLayout map;
-
-  PetscFunctionBegin;
-  PetscCall(PetscLayoutCreateFromSizes(comm, local, global, 1, &map));
-  PetscCall(PetscSFCreate(comm, sf));
-  PetscCall(PetscSFSetGraphLayout(*sf, map, leaves, NULL, PETSC_COPY_VALUES, number));
-  PetscCall(PetscLayoutDestroy(&map));
-  PetscFunctionReturn(0);
-}
-
 /* Sorts *n numbers, removes duplicates and those in the sorted list out[m] */
 static PetscErrorCode LatinPieceWithout_Private(PetscInt *n, PetscInt number[], PetscInt m, const PetscInt out[])
 {
@@ -44,7 +31,7 @@ static PetscErrorCode LatinPieceLinks_Private(LatinStructure structure, const La
   PetscSF            nodes, lists;
 
   PetscFunctionBegin;
-  PetscCall(LatinPieceFetch_Private(comm, structure->nodes_local, structure->nodes_global, n, node, &nodes));
+  PetscCall(LatinSFFetch_Private(comm, structure->nodes_local, n, node, &nodes));
   PetscCall(PetscMalloc2(2 * structure->nodes_local, &all, 2 * n, &mine));
   for (PetscInt v = 0; v < structure->nodes_local; v++) {
     all[2 * v]     = directory->offset[v];
@@ -98,7 +85,7 @@ static PetscErrorCode LatinPieceGrow_Private(LatinStructure structure, const Lat
 
   PetscFunctionBegin;
   PetscCall(LatinPieceLinks_Private(structure, directory, n, own, &near, &first));
-  PetscCall(LatinPieceFetch_Private(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, near, first, &sf));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm((PetscObject)structure), structure->links_local, near, first, &sf));
   *around = 2 * near;
   PetscCall(PetscMalloc1(*around, ghost));
   PetscCall(LatinSFBcast_Private(sf, 2, MPIU_INT, structure->nodes, *ghost));
@@ -130,12 +117,9 @@ PetscErrorCode LatinCutIncidence_Private(LatinCut *cut)
 static PetscErrorCode LatinPieceNodes_Private(LatinCut *cut, PetscInt n, const PetscInt own[], PetscInt m, const PetscInt ghost[])
 {
   PetscFunctionBegin;
-  cut->nodes = 2 * cut->links;
-  PetscCall(PetscMalloc1(cut->nodes, &cut->number));
-  PetscCall(PetscArraycpy(cut->number, cut->ends, cut->nodes));
-  PetscCall(PetscSortRemoveDupsInt(&cut->nodes, cut->number));
+  PetscCall(PetscMalloc1(2 * cut->links, &cut->number));
+  PetscCall(LatinPlaces_Private(2 * cut->links, cut->ends, &cut->nodes, cut->number, cut->ends));
   PetscCall(PetscRealloc((size_t)cut->nodes * sizeof(*cut->number), &cut->number));
-  for (PetscInt i = 0; i < 2 * cut->links; i++) PetscCall(PetscFindInt(cut->ends[i], cut->nodes, cut->number, &cut->ends[i]));
   PetscCall(PetscMalloc2(cut->nodes, &cut->of_node, cut->nodes, &cut->layer));
   for (PetscInt v = 0, i = 0, j = 0; v < cut->nodes; v++) {
     while (i < n && own[i] < cut->number[v]) i++;
@@ -160,7 +144,7 @@ PetscErrorCode LatinPieceCreate_Private(LatinStructure structure, const LatinDir
   PetscCall(ISGetLocalSize(is, &n));
   PetscCall(ISGetIndices(is, &own));
   PetscCall(LatinPieceGrow_Private(structure, directory, n, own, &around, &ghost, &cut->links, &link));
-  PetscCall(LatinPieceFetch_Private(comm, structure->links_local, structure->links_global, cut->links, link, &cut->link_sf));
+  PetscCall(LatinSFFetch_Private(comm, structure->links_local, cut->links, link, &cut->link_sf));
   PetscCall(PetscFree(link));
   PetscCall(PetscMalloc2(2 * cut->links, &cut->ends, cut->dim * cut->links, &cut->direction));
   PetscCall(LatinSFBcast_Private(cut->link_sf, 2, MPIU_INT, structure->nodes, cut->ends));
@@ -169,7 +153,7 @@ PetscErrorCode LatinPieceCreate_Private(LatinStructure structure, const LatinDir
   PetscCall(PetscFree(ghost));
   PetscCall(ISRestoreIndices(is, &own));
   PetscCall(ISDestroy(&is));
-  PetscCall(LatinPieceFetch_Private(comm, structure->nodes_local, structure->nodes_global, cut->nodes, cut->number, &cut->node_sf));
+  PetscCall(LatinSFFetch_Private(comm, structure->nodes_local, cut->nodes, cut->number, &cut->node_sf));
   PetscCall(PetscFree(cut->number));
   PetscCall(PetscMalloc1(cut->dim * cut->nodes, &cut->fixed));
   PetscCall(LatinSFBcast_Private(cut->node_sf, cut->dim, LATIN_MPI_BOOL, structure->fixed, cut->fixed));

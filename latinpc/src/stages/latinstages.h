@@ -81,8 +81,9 @@ PETSC_INTERN PetscErrorCode       LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode       LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
 PETSC_INTERN PetscErrorCode       LatinSubstructuresFill(LatinLinear *);
 PETSC_INTERN PetscErrorCode       LatinSubstructuresContraction(LatinLinear *, PetscReal *contraction);
-PETSC_INTERN PetscErrorCode       LatinSubstructuresForward(LatinLinear *);
-PETSC_INTERN PetscErrorCode       LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresForward(LatinLinear *, PetscInt which);
+PETSC_INTERN PetscErrorCode       LatinSubstructuresBackward(LatinLinear *, PetscInt which, PetscReal U[]);
+PETSC_INTERN PetscErrorCode       LatinLinearRelocalise_Private(LatinLinear *, PetscInt s, PetscBool kept);
 
 /* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c, stages/localturning.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);

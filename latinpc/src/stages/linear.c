@@ -100,7 +100,7 @@ static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(linear->batches->n, &linear->keeps));
   if (linear->shared && linear->inter->sides && !linear->substructures) PetscCall(LatinSolverIsDefault_Private(linear->sub->object, "local", &keep));
-  for (PetscInt b = 0; b < linear->batches->n; b++) linear->keeps[b] = (PetscBool)(keep && !LatinHomogeniseInverts(linear, b));
+  for (PetscInt b = 0; b < linear->batches->n; b++) linear->keeps[b] = (PetscBool)(linear->substructures || (keep && !LatinHomogeniseInverts(linear, b)));
   PetscFunctionReturn(0);
 }
 
@@ -126,7 +126,7 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
     if (!LatinDirectionBlocks(linear->dir, s)) PetscCall(LatinLocalSolversRenew_Private(linear->solvers, b, linear->spring, linear->sub->fixed, &done));
     if (!done) PetscCall(LatinDirectionMatrix(linear->dir, s, linear->spring, K));
     linear->rc_first[s] = linear->rc_last[s] = 0;
-    if (!linear->substructures && !linear->keeps[b]) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
+    if (!linear->keeps[b]) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
   }
   PetscCall(PetscSegBufferExtractAlloc(rc, &linear->rc));
   PetscCall(PetscSegBufferDestroy(&rc));
@@ -258,83 +258,6 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
   PetscFunctionReturn(0);
 }
 
-/*
-   The same if the factor keeps the primal rows, q = (y, g_C - V_C^t g_r) + H (y, 0) with y = V_m^t g: forward substitution, in place
-   of g, gives g_C - V_C^t g_r in the primal rows
-*/
-static PetscErrorCode LatinLinearForward_Private(LatinLinear *linear, PetscInt which)
-{
-  const LatinSubdomains *sub    = linear->sub;
-  const LatinInterfaces *inter  = linear->inter;
-  const LatinBatch      *batch  = &linear->batches->batch[which];
-  LatinCoarse           *coarse = linear->coarse;
-  const PetscScalar      one = 1.0, zero = 0.0;
-  const PetscBLASInt     inc    = 1;
-  PetscReal              energy = 0.0;
-  PetscBLASInt           rows, macros, cols;
-  Mat                    F;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSubstructuresFactor(linear, which, &F));
-  for (PetscInt m = 0; m < batch->members; m++) {
-    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
-    const LatinPhi *Phi = &linear->Phi[s];
-    PetscReal      *q   = coarse->q + coarse->offset[s];
-
-    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++)
-      if (sub->fixed[i]) linear->g[i] = 0.0;
-    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
-    PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
-    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
-    for (PetscInt r = 0; r < Phi->rows; r++) linear->some[r] = linear->g[top + Phi->row[r]];
-    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &macros, &one, Phi->a, &rows, linear->some, &inc, &zero, q, &inc));
-    PetscCall(PetscArraycpy(linear->lambda, q, macros));
-    PetscCall(LatinCholeskyForward(F, linear->g + top, &energy));
-    for (PetscInt p = inter->primal_offset[s]; p < inter->primal_offset[s + 1]; p++) q[macros + p - inter->primal_offset[s]] = linear->g[inter->primal_dof[p]];
-    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("N", &cols, &macros, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, linear->lambda, &inc, &one, q, &inc));
-    PetscCall(PetscLogFlops(2.0 * macros * ((PetscLogDouble)rows + cols)));
-  }
-  PetscFunctionReturn(0);
-}
-
-/* Adds to g of one subdomain the forces of its coarse displacements: D R lambda, with macro forces lambda (not if `kept`: V_m lambda is added later), and -K_rC u_C. Sets u_C in primal rows */
-static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, PetscBool kept)
-{
-  const LatinSubdomains *sub    = linear->sub;
-  const LatinInterfaces *inter  = linear->inter;
-  LatinCoarse           *coarse = linear->coarse;
-  const PetscReal       *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
-  PetscReal             *g = linear->g + linear->sub->bs * sub->node_offset[s], *lambda = linear->lambda;
-  const PetscScalar      one = 1.0, zero = 0.0;
-  const PetscBLASInt     inc = 1;
-  PetscBLASInt           macros, cols;
-
-  PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
-  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
-  if (macros) {
-    /* the first rows of H are (T^-1 - 1, -T^-1 N) */
-    PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
-    for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1] && !kept; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      const PetscReal      *lf   = lambda + linear->macro->of[f].at;
-
-      for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscReal *row   = LatinMacroDualRow(linear->macro, f, k);
-        PetscReal        force = 0.0;
-
-        for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) force += row[j] * lf[j];
-        linear->g[inter->side_dof[k]] += force;
-      }
-    }
-  }
-  PetscCall(PetscLogFlops(2.0 * macros * (macros ? coarse->offset[s + 1] - coarse->offset[s] : 0) + 2.0 * (linear->rc_last[s] - linear->rc_first[s])));
-  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc[p].row] -= linear->rc[p].value * uc[linear->rc[p].primal];
-  for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) linear->g[linear->inter->primal_dof[p]] = uc[p - linear->inter->primal_offset[s]];
-  PetscFunctionReturn(0);
-}
-
 /* Relocalisation and local solves of a batch with a dense inverse: U += inverse g + Phi u */
 static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinBatch *batch, const PetscReal inverse[], PetscReal U[])
 {
@@ -379,46 +302,16 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
   PetscFunctionReturn(0);
 }
 
-/* The same if the factor keeps the primal rows: backward substitution, plus V_m lambda on the interfaces */
-static PetscErrorCode LatinLinearBackward_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
-{
-  const LatinSubdomains *sub   = linear->sub;
-  const LatinBatch      *batch = &linear->batches->batch[which];
-  const PetscScalar      one = 1.0, zero = 0.0;
-  const PetscBLASInt     inc    = 1;
-  PetscReal              energy = 0.0;
-  PetscBLASInt           rows, macros;
-  Mat                    F;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSubstructuresFactor(linear, which, &F));
-  for (PetscInt m = 0; m < batch->members; m++) {
-    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
-    const LatinPhi *Phi = &linear->Phi[s];
-
-    PetscCall(LatinLinearRelocalise_Private(linear, s, PETSC_TRUE));
-    PetscCall(LatinCholeskyBackward(F, linear->g + top, &energy));
-    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++) U[i] += sub->fixed[i] ? 0.0 : linear->g[i];
-    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
-    PetscCall(PetscBLASIntCast(linear->coarse->macro_count[s], &macros));
-    if (!macros) continue;
-    PetscCallBLAS("BLASgemv", BLASgemv_("N", &rows, &macros, &one, Phi->a, &rows, linear->lambda, &inc, &zero, linear->some, &inc));
-    for (PetscInt r = 0; r < Phi->rows; r++) U[top + Phi->row[r]] += linear->some[r];
-    PetscCall(PetscLogFlops(2.0 * macros * (PetscLogDouble)rows));
-  }
-  PetscFunctionReturn(0);
-}
-
 /* Prolongation: adds to U the displacements of the coarse displacements coarse->u and of the forces g, after the condensation has set g and coarse->q. Overwrites g */
 PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
 {
   PetscFunctionBegin;
-  if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
-  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
     if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
-    else if (linear->keeps[b]) PetscCall(LatinLinearBackward_Private(linear, b, U));
+    else if (linear->keeps[b]) PetscCall(LatinSubstructuresBackward(linear, b, U));
     else PetscCall(LatinLinearSolve_Private(linear, b, U));
   }
+  if (linear->substructures) linear->solve_error = (PetscSqr(linear->solvers->rounding) + PetscSqr(linear->coarse->contraction)) * linear->energy;
   PetscFunctionReturn(0);
 }
 
@@ -435,9 +328,9 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   PetscCall(PetscTime(&start));
   linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
-  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
-    if (linear->keeps[b]) PetscCall(LatinLinearForward_Private(linear, b));
+  linear->energy = 0.0;
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    if (linear->keeps[b]) PetscCall(LatinSubstructuresForward(linear, b));
     else PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
   }
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));

@@ -19,6 +19,112 @@ PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batc
 }
 
 /*
+   Condensed forces of the subdomains of a batch whose factor keeps the primal rows, q = (y, g_C - V_C^t g_r) + H (y, 0) with y = V_m^t g: forward substitution, in place
+   of g, gives g_C - V_C^t g_r in the primal rows
+*/
+PetscErrorCode LatinSubstructuresForward(LatinLinear *linear, PetscInt which)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  const LatinInterfaces *inter  = linear->inter;
+  const LatinBatch      *batch  = &linear->batches->batch[which];
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc = 1;
+  PetscBLASInt           rows, macros, cols;
+  Mat                    F;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSubstructuresFactor(linear, which, &F));
+  for (PetscInt m = 0; m < batch->members; m++) {
+    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
+    const LatinPhi *Phi = &linear->Phi[s];
+    PetscReal      *q   = coarse->q + coarse->offset[s];
+
+    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++)
+      if (sub->fixed[i]) linear->g[i] = 0.0;
+    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
+    PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    for (PetscInt r = 0; r < Phi->rows; r++) linear->some[r] = linear->g[top + Phi->row[r]];
+    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &macros, &one, Phi->a, &rows, linear->some, &inc, &zero, q, &inc));
+    PetscCall(PetscArraycpy(linear->lambda, q, macros));
+    PetscCall(LatinCholeskyForward(F, linear->g + top, &linear->energy));
+    for (PetscInt p = inter->primal_offset[s]; p < inter->primal_offset[s + 1]; p++) q[macros + p - inter->primal_offset[s]] = linear->g[inter->primal_dof[p]];
+    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("N", &cols, &macros, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, linear->lambda, &inc, &one, q, &inc));
+    PetscCall(PetscLogFlops(2.0 * macros * ((PetscLogDouble)rows + cols)));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds to g of one subdomain the forces of its coarse displacements: D R lambda, with macro forces lambda (not if `kept`: V_m lambda is added later), and -K_rC u_C. Sets u_C in primal rows */
+PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, PetscBool kept)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  const LatinInterfaces *inter  = linear->inter;
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscReal       *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
+  PetscReal             *g = linear->g + linear->sub->bs * sub->node_offset[s], *lambda = linear->lambda;
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc = 1;
+  PetscBLASInt           macros, cols;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+  if (macros) {
+    /* the first rows of H are (T^-1 - 1, -T^-1 N) */
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
+    for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1] && !kept; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscReal      *lf   = lambda + linear->macro->of[f].at;
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscReal *row   = LatinMacroDualRow(linear->macro, f, k);
+        PetscReal        force = 0.0;
+
+        for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) force += row[j] * lf[j];
+        linear->g[inter->side_dof[k]] += force;
+      }
+    }
+  }
+  PetscCall(PetscLogFlops(2.0 * macros * (macros ? coarse->offset[s + 1] - coarse->offset[s] : 0) + 2.0 * (linear->rc_last[s] - linear->rc_first[s])));
+  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc[p].row] -= linear->rc[p].value * uc[linear->rc[p].primal];
+  for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) linear->g[linear->inter->primal_dof[p]] = uc[p - linear->inter->primal_offset[s]];
+  PetscFunctionReturn(0);
+}
+
+/* Relocalisation and local solves of such a batch: backward substitution, plus V_m lambda on the interfaces */
+PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscInt which, PetscReal U[])
+{
+  const LatinSubdomains *sub   = linear->sub;
+  const LatinBatch      *batch = &linear->batches->batch[which];
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc = 1;
+  PetscBLASInt           rows, macros;
+  Mat                    F;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSubstructuresFactor(linear, which, &F));
+  for (PetscInt m = 0; m < batch->members; m++) {
+    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
+    const LatinPhi *Phi = &linear->Phi[s];
+
+    PetscCall(LatinLinearRelocalise_Private(linear, s, PETSC_TRUE));
+    for (PetscInt p = linear->coarse->offset[s]; p < linear->coarse->offset[s + 1]; p++) linear->energy += linear->coarse->q[p] * linear->coarse->u[p];
+    PetscCall(LatinCholeskyBackward(F, linear->g + top, &linear->energy));
+    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++) U[i] += sub->fixed[i] ? 0.0 : linear->g[i];
+    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
+    PetscCall(PetscBLASIntCast(linear->coarse->macro_count[s], &macros));
+    if (!macros) continue;
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &rows, &macros, &one, Phi->a, &rows, linear->lambda, &inc, &zero, linear->some, &inc));
+    for (PetscInt r = 0; r < Phi->rows; r++) U[top + Phi->row[r]] += linear->some[r];
+    PetscCall(PetscLogFlops(2.0 * macros * (PetscLogDouble)rows));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
    Measures the contraction of a linear stage with factors in single precision: the factor by which one solve reduces the error in the
    energy norm, the larger one of two solves in a row, for forces that excite all displacements. Rounding affects soft displacements
    most, and a mechanism entirely: a small factor proves that there is none. The error of an iterative coarse solve is small
@@ -38,9 +144,10 @@ PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *con
   for (PetscInt k = 0; k < 3; k++) {
     PetscCall(PetscArraycpy(linear->g, b, n));
     PetscCall(PetscArrayzero(U, n));
-    PetscCall(LatinSubstructuresForward(linear));
+    linear->energy = 0.0;
+    for (PetscInt b = 0; b < linear->batches->n; b++) PetscCall(LatinSubstructuresForward(linear, b));
     PetscCall(LatinCoarseSolve(linear->coarse, PetscSqr(LATIN_ROUNDED_CONTRACTION)));
-    PetscCall(LatinSubstructuresBackward(linear, U));
+    for (PetscInt b = 0; b < linear->batches->n; b++) PetscCall(LatinSubstructuresBackward(linear, b, U));
     PetscCall(MPIU_Allreduce(&linear->energy, &after, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(sub->object)));
     if (k) *contraction = before > 0.0 && after >= 0.0 ? PetscMax(*contraction, PetscSqrtReal(after / before)) : 1.0;
     before = after;
@@ -155,45 +262,5 @@ PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s,
   PetscCall(PetscArraycpy(H, S, (size_t)m * (size_t)m));
   PetscCall(PetscFree(S));
   if (empty) LatinSubstructuresRelease(linear);
-  PetscFunctionReturn(0);
-}
-
-/* Forward substitution in place of the forces g, and the condensed forces q */
-PetscErrorCode LatinSubstructuresForward(LatinLinear *linear)
-{
-  const LatinSubdomains *sub   = linear->sub;
-  const LatinInterfaces *inter = linear->inter;
-  Mat                    F;
-
-  PetscFunctionBegin;
-  linear->energy = 0.0;
-  for (PetscInt i = 0; i < sub->bs * sub->copies; i++)
-    if (sub->fixed[i]) linear->g[i] = 0.0;
-  for (PetscInt b = 0; b < linear->batches->n; b++) {
-    PetscCall(LatinSubstructuresFactor(linear, b, &F));
-    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyForward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
-  }
-  for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) linear->coarse->q[p] = linear->g[inter->primal_dof[p]];
-  PetscFunctionReturn(0);
-}
-
-/* Backward substitution from the coarse displacements: adds the increment to U */
-PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
-{
-  const LatinSubdomains *sub   = linear->sub;
-  const LatinInterfaces *inter = linear->inter;
-  Mat                    F;
-
-  PetscFunctionBegin;
-  for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) {
-    linear->g[inter->primal_dof[p]] = linear->coarse->u[p];
-    linear->energy += linear->coarse->q[p] * linear->coarse->u[p];
-  }
-  for (PetscInt b = 0; b < linear->batches->n; b++) {
-    PetscCall(LatinSubstructuresFactor(linear, b, &F));
-    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
-  }
-  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) U[i] += linear->g[i];
-  linear->solve_error = (PetscSqr(linear->solvers->rounding) + PetscSqr(linear->coarse->contraction)) * linear->energy;
   PetscFunctionReturn(0);
 }

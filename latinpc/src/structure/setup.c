@@ -1,40 +1,7 @@
+#include "base/fingerprint.h"
 #include "structure/structureimpl.h"
 
 /* The DMPLEX of a structure: its mesh; after supports are set, its section and the numbering of free degrees of freedom. */
-
-/* number: nodes of the links of this rank, ascending; sets structure->ends to places in it. The caller frees *number */
-static PetscErrorCode LatinStructureEnds_Private(LatinStructure structure, PetscInt *n, PetscInt **number)
-{
-  const PetscInt ends = 2 * structure->links_local, *node = structure->nodes;
-  PetscInt       low = ends ? PETSC_MAX_INT : 0, high = -1, *place;
-
-  PetscFunctionBegin;
-  for (PetscInt i = 0; i < ends; i++) {
-    low  = PetscMin(low, node[i]);
-    high = PetscMax(high, node[i]);
-  }
-  if (high - low >= 2 * ends) { /* sparse numbers: sort, as a table from low to high would be too long */
-    *n = ends;
-    PetscCall(PetscMalloc1(ends, number));
-    PetscCall(PetscArraycpy(*number, node, ends));
-    PetscCall(PetscSortRemoveDupsInt(n, *number));
-    for (PetscInt i = 0; i < ends; i++) PetscCall(PetscFindInt(node[i], *n, *number, &structure->ends[i]));
-    PetscFunctionReturn(0);
-  }
-  *n = 0;
-  PetscCall(PetscCalloc1(high - low + 1, &place));
-  for (PetscInt i = 0; i < ends; i++) place[node[i] - low] = 1;
-  for (PetscInt k = 0; k <= high - low; k++) *n += place[k];
-  PetscCall(PetscMalloc1(*n, number));
-  for (PetscInt k = 0, v = 0; k <= high - low; k++) {
-    if (!place[k]) continue;
-    place[k]       = v;
-    (*number)[v++] = low + k;
-  }
-  for (PetscInt i = 0; i < ends; i++) structure->ends[i] = place[node[i] - low];
-  PetscCall(PetscFree(place));
-  PetscFunctionReturn(0);
-}
 
 /* Creates vertex_sf. Vertices are the nodes of links here, then nodes without links, each on the rank that created it. Collective on structure */
 static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
@@ -42,13 +9,11 @@ static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
   MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
   const PetscInt *degree;
   PetscInt        n, all, *number;
-  PetscLayout     map;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureEnds_Private(structure, &n, &number));
-  PetscCall(PetscLayoutCreateFromSizes(comm, structure->nodes_local, structure->nodes_global, 1, &map));
-  PetscCall(PetscSFCreate(comm, &structure->vertex_sf));
-  PetscCall(PetscSFSetGraphLayout(structure->vertex_sf, map, n, NULL, PETSC_COPY_VALUES, number));
+  PetscCall(PetscMalloc1(2 * structure->links_local, &number));
+  PetscCall(LatinPlaces_Private(2 * structure->links_local, structure->nodes, &n, number, structure->ends));
+  PetscCall(LatinSFFetch_Private(comm, structure->nodes_local, n, number, &structure->vertex_sf));
   PetscCall(PetscSFComputeDegreeBegin(structure->vertex_sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(structure->vertex_sf, &degree));
   for (PetscInt i = 0; i < structure->nodes_local; i++) structure->unlinked += degree[i] ? 0 : 1;
@@ -58,10 +23,10 @@ static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
     PetscCall(PetscRealloc((size_t)structure->vertices * sizeof(*number), &number));
     for (PetscInt i = 0; i < structure->nodes_local; i++)
       if (!degree[i]) number[n++] = structure->nodes_start + i;
-    PetscCall(PetscSFSetGraphLayout(structure->vertex_sf, map, n, NULL, PETSC_COPY_VALUES, number));
+    PetscCall(PetscSFDestroy(&structure->vertex_sf));
+    PetscCall(LatinSFFetch_Private(comm, structure->nodes_local, n, number, &structure->vertex_sf));
   }
   PetscCall(PetscFree(number));
-  PetscCall(PetscLayoutDestroy(&map));
   PetscFunctionReturn(0);
 }
 

@@ -106,10 +106,10 @@ PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, Pet
 }
 
 /*
-   Fails on all ranks if the local matrix of any rank is not symmetric or not finite. Rows and columns of isolated[] unknowns are
+   Fails on all ranks if the local matrix of any rank is not symmetric or not finite. Rows and columns of isolated unknowns are
    ignored, as of MatZeroRows(). Collective on A
 */
-PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local, const PetscBool isolated[])
+PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local, const PetscInt row_copy[])
 {
   PetscReal *largest, value[2] = {0.0, 0.0};
   PetscInt   bad[2] = {-1, -1};
@@ -131,7 +131,7 @@ PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *
     for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
       const PetscInt c = local->j[k];
 
-      if (c == r || isolated[r] || isolated[c]) continue;
+      if (c == r || row_copy[r] == LATIN_ROW_ISOLATED || row_copy[c] == LATIN_ROW_ISOLATED) continue;
       value[0] = local->a[k];
       PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &value[1]));
       if (PetscAbsReal(value[0] - value[1]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[r], largest[c])) {

@@ -24,8 +24,9 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinLocalMatrixGet_Private(Mat, LatinLocalMatrix *);
 PETSC_INTERN PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *);
 PETSC_INTERN PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *, PetscInt row, PetscInt k, PetscReal *);
-PETSC_INTERN PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat, const LatinLocalMatrix *, const PetscBool isolated[]);
+PETSC_INTERN PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat, const LatinLocalMatrix *, const PetscInt row_copy[]);
 PETSC_INTERN PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *, const LatinLocalMatrix *, const PetscBool kept[], PetscInt part[]);
+PETSC_INTERN PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *, const LatinLocalMatrix *);
 PETSC_INTERN PetscErrorCode LatinMatrixMirror_Private(LatinSubdomains *);
 PETSC_INTERN PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *);
 

@@ -8,49 +8,62 @@
    their diagonal. A subdomain has no copy of an unknown whose rows are zero there.
 */
 
-/* kept[row]: has a local row a copy? isolated[row]: is its unknown isolated on all ranks? Sets sub->unassigned and the inverse of its diagonal. Collective on sub->object */
-static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[], PetscBool isolated[])
+/* sub->unassigned_inverse: inverse diagonal of isolated unknowns. Collective on sub->object */
+PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
 {
-  MPI_Comm    comm = PetscObjectComm(sub->object);
-  PetscLayout map;
-  PetscInt   *coupled, *all;
-  PetscReal  *diagonal, *sum;
-  PetscSF     sf;
+  PetscReal *diagonal, *sum;
+  PetscSF    sf;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc4(local->rows, &coupled, sub->nodes_local, &all, local->rows, &diagonal, sub->nodes_local, &sum));
+  PetscCall(PetscCalloc2(local->rows, &diagonal, sub->nodes_local, &sum));
   for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++) {
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && sub->row_copy[r] == LATIN_ROW_ISOLATED; k++)
       if (local->j[k] == r) diagonal[r] = local->a[k];
-      else if (local->a[k] != 0.0) coupled[r] = 1;
-    }
-  for (PetscInt r = 0; r < local->rows; r++) kept[r] = (PetscBool)(coupled[r] || diagonal[r] != 0.0);
-  PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
-  PetscCall(PetscSFCreate(comm, &sf));
-  PetscCall(PetscSFSetGraphLayout(sf, map, local->rows, NULL, PETSC_COPY_VALUES, local->global));
-  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, coupled, all, MPI_MAX));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), sub->nodes_local, local->rows, local->global, &sf));
   PetscCall(LatinSFReduce_Private(sf, 1, MPIU_REAL, diagonal, sum, MPI_SUM));
-  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, coupled));
   PetscCall(PetscSFDestroy(&sf));
-  for (PetscInt r = 0; r < local->rows; r++) {
-    isolated[r] = (PetscBool)!coupled[r];
-    kept[r]     = (PetscBool)(kept[r] && coupled[r]);
-  }
-  for (PetscInt i = 0; i < sub->nodes_local; i++) sub->unassigned_count += all[i] ? 0 : 1;
-  PetscCall(PetscMalloc2(sub->unassigned_count, &sub->unassigned, sub->unassigned_count, &sub->unassigned_inverse));
-  for (PetscInt i = 0, k = 0; i < sub->nodes_local; i++) {
-    if (all[i]) continue;
-    sub->unassigned[k]           = i;
-    sub->unassigned_inverse[k++] = sum[i] != 0.0 ? 1.0 / sum[i] : 1.0; /* a row of zeros: any number serves */
-  }
-  PetscCall(PetscFree4(coupled, all, diagonal, sum));
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) sub->unassigned_inverse[k] = sum[sub->unassigned[k]] != 0.0 ? 1.0 / sum[sub->unassigned[k]] : 1.0; /* a row of zeros: any number serves */
+  PetscCall(PetscFree2(diagonal, sum));
   PetscFunctionReturn(0);
 }
 
-/* Makes the copies, part by part, in each by global number; all rows of an unknown in a part have one. at[row]: copy of a local row; LATIN_ROW_ISOLATED: isolated, -1: a row of zeros. row[*rows]: rows with a copy, sorted by copies */
-static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool isolated[], PetscInt at[], PetscInt *rows, PetscInt row[])
+/* kept[row]: has a local row a copy? sub->row_copy[row]: LATIN_ROW_ISOLATED if its unknown is isolated on all ranks, else -1. Sets sub->unassigned. Collective on sub->object */
+static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[])
 {
-  PetscInt *next, *global;
+  PetscInt *coupled, *all;
+  PetscSF   sf;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc2(local->rows, &coupled, sub->nodes_local, &all));
+  for (PetscInt r = 0; r < local->rows; r++) {
+    kept[r] = PETSC_FALSE;
+    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++) {
+      if (local->a[k] == 0.0) continue;
+      kept[r] = PETSC_TRUE;
+      if (local->j[k] != r) coupled[r] = 1;
+    }
+  }
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), sub->nodes_local, local->rows, local->global, &sf));
+  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, coupled, all, MPI_MAX));
+  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, coupled));
+  PetscCall(PetscSFDestroy(&sf));
+  for (PetscInt r = 0; r < local->rows; r++) {
+    sub->row_copy[r] = coupled[r] ? -1 : LATIN_ROW_ISOLATED;
+    kept[r]          = (PetscBool)(kept[r] && coupled[r]);
+  }
+  for (PetscInt i = 0; i < sub->nodes_local; i++) sub->unassigned_count += all[i] ? 0 : 1;
+  PetscCall(PetscMalloc2(sub->unassigned_count, &sub->unassigned, sub->unassigned_count, &sub->unassigned_inverse));
+  for (PetscInt i = 0, k = 0; i < sub->nodes_local; i++)
+    if (!all[i]) sub->unassigned[k++] = i;
+  PetscCall(PetscFree2(coupled, all));
+  PetscCall(LatinMatrixIsolated_Private(sub, local));
+  PetscFunctionReturn(0);
+}
+
+/* Makes the copies, part by part, in each by global number; all rows of an unknown in a part have one. sub->row_copy[row]: copy of a local row. row[*rows]: rows with a copy, sorted by copies */
+static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], PetscInt *rows, PetscInt row[])
+{
+  PetscInt *next, *global, *at = sub->row_copy;
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(sub->n + 2, &next));
@@ -61,7 +74,6 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   PetscCall(PetscMalloc1(*rows, &global));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
   for (PetscInt r = 0; r < local->rows; r++) {
-    at[r] = isolated[r] ? LATIN_ROW_ISOLATED : -1;
     if (part[r] < 0) continue;
     global[next[part[r] + 1]] = local->global[r];
     row[next[part[r] + 1]++]  = r;
@@ -162,13 +174,10 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 {
   const LatinUnknowns *known = &sub->known;
   const PetscInt       n     = sub->copies;
-  PetscLayout          map;
   const PetscInt      *degree;
 
   PetscFunctionBegin;
-  PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
-  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sub->node_sf));
-  PetscCall(PetscSFSetGraphLayout(sub->node_sf, map, n, NULL, PETSC_COPY_VALUES, sub->node));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), sub->nodes_local, n, sub->node, &sub->node_sf));
   PetscCall(PetscObjectReference((PetscObject)sub->node_sf));
   sub->dof_sf = sub->node_sf;
   PetscCall(PetscMalloc5(sub->dim * n, &sub->x, n, &sub->fixed, n, &sub->prescribed, n, &sub->multiplicity, n, &sub->global_dof));
@@ -248,7 +257,7 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
   PetscMPIInt      size;
-  PetscBool       *kept, *isolated;
+  PetscBool       *kept;
   PetscInt        *part, *row, rows = 0;
 
   PetscFunctionBegin;
@@ -261,13 +270,13 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   PetscCall(LatinLocalMatrixGet_Private(sub->matrix, &local));
   sub->rows = local.rows;
   PetscCall(PetscMalloc1(local.rows, &sub->row_copy));
-  PetscCall(PetscMalloc4(local.rows, &kept, local.rows, &isolated, local.rows, &part, local.rows, &row));
-  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept, isolated));
-  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, isolated));
+  PetscCall(PetscMalloc3(local.rows, &kept, local.rows, &part, local.rows, &row));
+  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept));
+  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, sub->row_copy));
   PetscCall(LatinMatrixParts_Private(sub, &local, kept, part));
-  PetscCall(LatinMatrixCopies_Private(sub, &local, part, isolated, sub->row_copy, &rows, row));
+  PetscCall(LatinMatrixCopies_Private(sub, &local, part, &rows, row));
   PetscCall(LatinMatrixRows_Private(sub, &local, sub->row_copy, rows, row));
-  PetscCall(PetscFree4(kept, isolated, part, row));
+  PetscCall(PetscFree3(kept, part, row));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   PetscCall(LatinMatrixData_Private(sub));
   PetscCall(LatinMatrixHold_Private(sub));

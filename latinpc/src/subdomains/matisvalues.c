@@ -82,28 +82,6 @@ static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub,
   PetscFunctionReturn(0);
 }
 
-/* sub->unassigned_inverse: inverse diagonal of isolated unknowns. Collective on sub->object */
-static PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
-{
-  PetscReal  *diagonal, *sum;
-  PetscLayout map;
-  PetscSF     sf;
-
-  PetscFunctionBegin;
-  PetscCall(PetscCalloc2(local->rows, &diagonal, sub->nodes_local, &sum));
-  for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && sub->row_copy[r] == LATIN_ROW_ISOLATED; k++)
-      if (local->j[k] == r) diagonal[r] = local->a[k];
-  PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
-  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sf));
-  PetscCall(PetscSFSetGraphLayout(sf, map, local->rows, NULL, PETSC_COPY_VALUES, local->global));
-  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_REAL, diagonal, sum, MPI_SUM));
-  PetscCall(PetscSFDestroy(&sf));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++) sub->unassigned_inverse[k] = sum[sub->unassigned[k]] != 0.0 ? 1.0 / sum[sub->unassigned[k]] : 1.0;
-  PetscCall(PetscFree2(diagonal, sum));
-  PetscFunctionReturn(0);
-}
-
 /* Updates the near null space at the copies; *same: coordinates and fields are those of the last set-up. Collective on sub->object */
 static PetscErrorCode LatinMatrixKnown_Private(LatinSubdomains *sub, PetscBool *same)
 {
@@ -135,7 +113,7 @@ PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *sa
 {
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
-  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric, *isolated;
+  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric;
   PetscInt         any[3];
 
   PetscFunctionBegin;
@@ -154,12 +132,7 @@ PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *sa
   any[2] = sub->unassigned_count;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 3, MPIU_INT, MPI_MAX, comm));
   *same = (PetscBool)!any[0];
-  if (any[1] && *same) {
-    PetscCall(PetscMalloc1(local.rows, &isolated));
-    for (PetscInt r = 0; r < local.rows; r++) isolated[r] = (PetscBool)(sub->row_copy[r] == LATIN_ROW_ISOLATED);
-    PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, isolated));
-    PetscCall(PetscFree(isolated));
-  }
+  if (any[1] && *same) PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, sub->row_copy));
   if (any[2] && *same) PetscCall(LatinMatrixIsolated_Private(sub, &local));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   if (*same) PetscCall(LatinMatrixHold_Private(sub));

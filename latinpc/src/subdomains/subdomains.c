@@ -67,19 +67,6 @@ PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscR
   PetscFunctionReturn(0);
 }
 
-/* *sf: entries of a distributed array -> leaves, given by their global numbers. Collective on sub->object */
-static PetscErrorCode LatinSubdomainsFetch_Private(const LatinSubdomains *sub, PetscInt local, PetscInt global, PetscInt leaves, const PetscInt number[], PetscSF *sf)
-{
-  PetscLayout map;
-
-  PetscFunctionBegin;
-  PetscCall(PetscLayoutCreateFromSizes(PetscObjectComm(sub->object), local, global, 1, &map));
-  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), sf));
-  PetscCall(PetscSFSetGraphLayout(*sf, map, leaves, NULL, PETSC_COPY_VALUES, number));
-  PetscCall(PetscLayoutDestroy(&map));
-  PetscFunctionReturn(0);
-}
-
 /* link_sf: the links here, by subdomain, in each by global number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
 {
@@ -101,7 +88,7 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
   PetscCall(ISGetLocalSize(arrived, &sub->links));
   PetscCall(ISGetIndices(arrived, &number));
   PetscCall(PetscMalloc3(sub->links, &subdomain, sub->links, &order, sub->n, &next));
-  PetscCall(LatinSubdomainsFetch_Private(sub, n, structure->links_global, sub->links, number, &sf));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), n, sub->links, number, &sf));
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, sub->of_link, subdomain));
   PetscCall(PetscSFDestroy(&sf));
   PetscCall(PetscCalloc1(sub->n + 1, &sub->link_offset));
@@ -111,7 +98,7 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
     sub->link_offset[s + 1] += sub->link_offset[s];
   }
   for (PetscInt l = 0; l < sub->links; l++) order[next[subdomain[l] - sub->first]++] = number[l];
-  PetscCall(LatinSubdomainsFetch_Private(sub, n, structure->links_global, sub->links, order, &sub->link_sf));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), n, sub->links, order, &sub->link_sf));
   PetscCall(PetscFree3(subdomain, order, next));
   PetscCall(ISRestoreIndices(arrived, &number));
   PetscCall(ISDestroy(&arrived));
@@ -119,54 +106,29 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Copies of the nodes of n link ends whose numbers, from low on, fit into a table of n entries: counting sort, faster than a sort by comparison */
-static void LatinSubdomainsTable(LatinSubdomains *sub, PetscInt n, PetscInt low, const PetscInt node[], PetscInt copy[], PetscInt ends[], PetscInt table[])
-{
-  PetscInt copies = sub->copies;
-
-  for (PetscInt k = 0; k < n; k++) table[k] = -1;
-  for (PetscInt i = 0; i < n; i++) table[node[i] - low] = 0;
-  for (PetscInt k = 0; k < n; k++)
-    if (!table[k]) table[k] = copies++;
-  for (PetscInt i = 0; i < n; i++) ends[i] = table[node[i] - low];
-  for (PetscInt k = 0; k < n; k++)
-    if (table[k] >= 0) copy[sub->copies++] = low + k; /* copy and node may overlap: overwrites nodes that have been read */
-}
-
 /* The copies: the nodes of the links of each subdomain, by increasing number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 {
-  PetscInt *node, *end; /* nodes of link ends, subdomain by subdomain; link ends in sorted order */
+  PetscInt *node; /* nodes of link ends, subdomain by subdomain; then copies, which overwrite nodes that have been read */
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
-  PetscCall(PetscMalloc2(2 * sub->links, &node, 2 * sub->links, &end));
+  PetscCall(PetscMalloc1(2 * sub->links, &node));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 2, MPIU_INT, sub->structure->nodes, node));
   for (PetscInt s = 0; s < sub->n; s++) {
     const PetscInt first = 2 * sub->link_offset[s], last = 2 * sub->link_offset[s + 1];
-    PetscInt       low = PETSC_MAX_INT, high = 0;
+    PetscInt       count;
 
     sub->node_offset[s] = sub->copies;
-    for (PetscInt i = first; i < last; i++) {
-      low    = PetscMin(low, node[i]);
-      high   = PetscMax(high, node[i]);
-      end[i] = i;
-    }
-    if (high - low < last - first) {
-      LatinSubdomainsTable(sub, last - first, low, node + first, node, sub->ends + first, end + first);
-      continue;
-    }
-    PetscCall(PetscSortIntWithArray(last - first, node + first, end + first));
-    for (PetscInt i = first; i < last; i++) {
-      if (i == first || node[i] != node[sub->copies - 1]) node[sub->copies++] = node[i];
-      sub->ends[end[i]] = sub->copies - 1;
-    }
+    PetscCall(LatinPlaces_Private(last - first, node + first, &count, node + sub->copies, sub->ends + first));
+    for (PetscInt i = first; i < last; i++) sub->ends[i] += sub->copies;
+    sub->copies += count;
   }
   sub->node_offset[sub->n] = sub->copies;
   PetscCall(PetscMalloc1(sub->copies, &sub->node));
   PetscCall(PetscArraycpy(sub->node, node, sub->copies));
-  PetscCall(PetscFree2(node, end));
+  PetscCall(PetscFree(node));
   PetscFunctionReturn(0);
 }
 
@@ -203,7 +165,7 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
   PetscInt       *remote, *local, m = 0;
 
   PetscFunctionBegin;
-  PetscCall(LatinSubdomainsFetch_Private(sub, structure->nodes_local, structure->nodes_global, n, sub->node, &sub->node_sf));
+  PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), structure->nodes_local, n, sub->node, &sub->node_sf));
   PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, structure->x, sub->x));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, LATIN_MPI_BOOL, structure->fixed, sub->fixed));
