@@ -114,6 +114,19 @@ def test_labels_of_short_edges_are_apart_from_their_ticks(width):
     assert ticks and not any(label.get_window_extent().overlaps(tick.get_window_extent()) for tick in ticks)
 
 
+@pytest.mark.parametrize("size", [(12.0, 7.2), (8.0, 4.8)])
+@pytest.mark.parametrize("extent", [(2.0, 2.0, 7.0), (50.0, 2.0, 1.0), (1.0, 50.0, 20.0), (9.0, 9.0, 9.0)])
+def test_labels_of_axes_are_inside_the_picture(extent, size):
+    """Those below a tower were cut."""
+    figure = drawing.new_figure(*size)
+    axes = drawing.axes_for(figure, pictures.MAIN_3D, np.array([[0.0, 0.0, 0.0], extent]))
+    drawing.label_axes(figure, axes)
+    figure.canvas.draw()
+    drawn = [text.get_window_extent() for text in figure.texts]
+    assert len(drawn) == 3 and all(figure.bbox.fully_containsx(x) for box in drawn for x in (box.x0, box.x1))
+    assert all(figure.bbox.fully_containsy(y) for box in drawn for y in (box.y0, box.y1))
+
+
 def test_nothing_moves_and_nothing_is_loaded(tmp_path, drawn):
     scene = _row(2)
     pictures.draw_structure(scene, np.zeros((4, 2)), np.zeros(3), None, tmp_path / "still.png")

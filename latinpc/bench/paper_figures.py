@@ -12,6 +12,8 @@ from latinpc.results.look import COMPRESSION, TENSION
 from latinpc.results.mechanics import slack
 from latinpc.results.units import scaled
 
+GAPS = (44.0, 44.0, 42.0)  # points: labels of the axes from their edges, in Figure 9
+
 
 def draw_figure_8(scene, displacements, path, amplification=2.0):
     """Draw the deformed grid coloured by vertical displacement, as in Figure 8."""
@@ -22,8 +24,9 @@ def draw_figure_8(scene, displacements, path, amplification=2.0):
     norm = Normalize(level.min(), max(level.max(), level.min() + 1e-300))
 
     figure = new_figure(12.0, 5.6)
-    axes = axes_3d(figure, [0.01, 0.02, 0.87, 0.92], shape, elevation=24.0, azimuth=-52.0, fill=0.84)
-    label_axes(figure, axes, gaps=(58.0, 62.0, 68.0))
+    gaps = (58.0, 62.0, 68.0)
+    axes = axes_3d(figure, [0.01, 0.02, 0.87, 0.92], shape, elevation=24.0, azimuth=-52.0, gaps=gaps)
+    label_axes(figure, axes, gaps=gaps)
     width = float(np.clip(70.0 / np.sqrt(len(level)), 0.3, 1.5))
     draw_links(axes, shape[scene.links], colours(norm(level)), width)
     colour_bar(figure, [0.915, 0.2, 0.014, 0.6], colours, norm.vmin, norm.vmax, "Vertical displacement (m)")
@@ -48,9 +51,9 @@ def draw_figure_9(scene, tensions, path):
         points = np.vstack([points, [points[0, 0], points[0, 1], 0.0]])  # heights count from zero
         axes = axes_3d(
             figure, [left, 0.02, 0.42, 0.88], points, elevation=20.0, azimuth=-52.0,
-            aspect=(1.0, 1.0, 0.62), fill=0.86,
+            aspect=(1.0, 1.0, 0.62), gaps=GAPS,
         )  # fmt: skip
-        label_axes(figure, axes, f"{label} ({unit})", gaps=(44.0, 44.0, 42.0))
+        label_axes(figure, axes, f"{label} ({unit})", gaps=GAPS)
         low, high = force.min() / divisor, force.max() / divisor
         shade = (segments[:, 0, 2] - low) / max(high - low, 1e-300)
         draw_links(axes, segments, colours(shade), 0.9)

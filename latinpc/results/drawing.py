@@ -18,7 +18,9 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from .atomic import atomic
 
 STEPS = [1, 2, 2.5, 5, 10]  # between ticks, times a power of ten
-SHORT, FARTHER = 90.0, 18.0  # points: level edges so short have their label farther from their ticks
+GAPS = (50.0, 50.0, 58.0)  # points: labels of the axes in perspective from their edges
+LABEL = 15.0  # points: half of the room of such a label, and of those of ticks beside the box
+SHORT, FARTHER = 90.0, 22.0  # points: level edges so short have their label farther from their ticks
 SUPPORT_COLOUR, LOAD_COLOUR, STAMP_COLOUR = "#333333", "#1b7837", "#d7191c"
 
 
@@ -63,8 +65,8 @@ def axes_2d(figure, rectangle, points):
     return axes
 
 
-def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=None, fill=0.84):
-    """Return axes in perspective whose points fill that share of the rectangle, with pale panes."""
+def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=None, fill=0.97, gaps=GAPS):
+    """Return axes in perspective that fill that share of the rectangle with labels so far away; panes are pale."""
     axes = figure.add_axes(rectangle, projection="3d", proj_type="persp", focal_length=0.55)
     axes.computed_zorder = False  # symbols lie above links, whatever is nearer
     low, high = points.min(axis=0), points.max(axis=0)
@@ -79,22 +81,23 @@ def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=Non
         pane.set_major_locator(MaxNLocator(int(np.clip(7 * aspect[axis] / aspect.max(), 1, 7)), steps=STEPS))
     axes.view_init(elev=elevation, azim=azimuth)
     axes.tick_params(labelsize=8, pad=1)
-    _fill(figure, axes, rectangle, np.array(list(np.ndindex(2, 2, 2))) * extent + middle - extent / 2, aspect, fill)
+    corners = np.array(list(np.ndindex(2, 2, 2))) * extent + middle - extent / 2
+    _fill(figure, axes, np.array(rectangle), corners, aspect, fill, gaps)
     return axes
 
 
-def _fill(figure, axes, rectangle, corners, aspect, fill):
-    """Zoom and shift axes in perspective until the corners of their box fill the rectangle."""
-    left, bottom, width, height = rectangle
-    zoom = 1.0
-    for _ in range(3):  # perspective is not quite proportional to the zoom
+def _fill(figure, axes, rectangle, corners, aspect, fill, gaps):
+    """Zoom and shift axes in perspective until the corners of their box, and the labels, fill the rectangle."""
+    zoom, unit = 1.0, figure.dpi / 72.0
+    for _ in range(4):  # perspective is not quite proportional to the zoom
         axes.set_box_aspect(aspect, zoom=zoom)
-        seen = figure.transFigure.inverted().transform(_pixels(axes, corners))
-        size = np.ptp(seen, axis=0)
-        zoom *= fill * min(width / size[0], height / size[1])
-    axes.set_box_aspect(aspect, zoom=zoom)
-    shift = np.array([left + width / 2, bottom + height / 2]) - (seen.min(axis=0) + seen.max(axis=0)) / 2
-    axes.set_position([left + shift[0], bottom + shift[1], width, height])
+        box = _pixels(axes, corners)
+        written = np.vstack([box, *(place for place, _ in _label_places(figure, axes, gaps))]) if len(gaps) else box
+        seen = np.vstack([written - LABEL * unit, written + LABEL * unit]) if len(gaps) else box
+        size, room = np.ptp(box, axis=0), fill * rectangle[2:] * figure.bbox.size
+        zoom *= max(((room - np.ptp(seen, axis=0) + size) / size).min(), 0.1)
+    middle = figure.transFigure.inverted().transform((seen.min(axis=0) + seen.max(axis=0)) / 2)
+    axes.set_position([*(2.0 * rectangle[:2] + rectangle[2:] / 2 - middle), *rectangle[2:]])
 
 
 def axes_for(figure, rectangle, points, **three):
@@ -178,27 +181,35 @@ def plane_points(points):
     return np.column_stack([points[:, 0], np.zeros(len(points))])
 
 
-def label_axes(figure, axes, vertical="z (m)", gaps=(50.0, 50.0, 58.0)):
+def label_axes(figure, axes, vertical="z (m)", gaps=GAPS):
     """Name the axes; in perspective along the edges that carry the ticks, that many points away from them."""
     labels = ("x (m)", "y (m)", vertical)
     if axes.name != "3d":
         axes.set_xlabel(labels[0], fontsize=9)
         axes.set_ylabel(labels[1], fontsize=9)
         return
+    for label, (place, angle) in zip(labels, _label_places(figure, axes, gaps)):
+        place = figure.transFigure.inverted().transform(place)
+        figure.text(*place, label, fontsize=9, ha="center", va="center", rotation=(angle + 90.0) % 180.0 - 90.0)
+
+
+def _label_places(figure, axes, gaps):
+    """Return for each axis in perspective where its label stands (pixels), and the direction of its edge (degrees)."""
     (x0, x1), (y0, y1), (z0, z1) = axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()
     # seen from azimuths between -90 and 0 degrees, matplotlib puts the ticks on these three edges
     edges = (((x0, y0, z0), (x1, y0, z0)), ((x1, y0, z0), (x1, y1, z0)), ((x1, y1, z0), (x1, y1, z1)))
     middle = _pixels(axes, [((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2)])[0]
-    for label, edge, points in zip(labels, edges, gaps):
+    places = []
+    for axis, (edge, points) in enumerate(zip(edges, gaps)):
         start, end = _pixels(axes, edge)
         length = np.linalg.norm(end - start)
         along = (end - start) / length
-        points += FARTHER if label != vertical and length * 72.0 / figure.dpi < SHORT else 0.0
+        points += FARTHER if axis < 2 and length * 72.0 / figure.dpi < SHORT else 0.0
         outward = np.array([along[1], -along[0]])
         outward *= np.sign(outward @ ((start + end) / 2 - middle)) or 1.0
-        place = figure.transFigure.inverted().transform((start + end) / 2 + outward * points * figure.dpi / 72.0)
-        angle = np.degrees(np.arctan2(along[1], along[0]))
-        figure.text(*place, label, fontsize=9, ha="center", va="center", rotation=(angle + 90.0) % 180.0 - 90.0)
+        place = (start + end) / 2 + outward * points * figure.dpi / 72.0
+        places.append((place, np.degrees(np.arctan2(along[1], along[0]))))
+    return places
 
 
 def _pixels(axes, points):

@@ -27,6 +27,7 @@ from .units import number, quantity
 FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
 HEAVY = 10.0  # times the middle mass: nodes drawn as bodies
 MASS_COLOUR = "#111111"
+GAPS = (32.0, 32.0, 46.0)  # points: labels of the axes from their edges
 
 
 def draw_motion(motion, path, amplification=None, seconds=0.06):
@@ -73,8 +74,9 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
     """Draw a state; return it as an image with a palette."""
     figure = new_figure(8.0, 4.8)
     figure.set_dpi(100)
-    axes = axes_for(figure, [0.0, 0.04, 0.74, 0.88] if shape.shape[1] == 3 else [0.09, 0.11, 0.58, 0.78], points)
-    label_axes(figure, axes, gaps=(32.0, 32.0, 46.0))
+    rectangle = [0.0, 0.02, 0.72, 0.90] if shape.shape[1] == 3 else [0.09, 0.11, 0.58, 0.78]
+    axes = axes_for(figure, rectangle, points, gaps=GAPS)
+    label_axes(figure, axes, gaps=GAPS)
     law, force = scene.law[seen], frame.tensions[seen]
     loose = slack(scene, frame.tensions)[seen]
     colours, widths, styles = force_look(law, force, loose, scale)

@@ -100,7 +100,8 @@ def _keys(loose):
 
 def _draw_whole(figure, segments, moves):
     """Draw the whole structure in a corner, what moves in red."""
-    axes = axes_for(figure, [0.79, 0.035, 0.205, 0.20], segments.reshape(-1, segments.shape[2]), fill=0.95)
+    points = segments.reshape(-1, segments.shape[2])
+    axes = axes_for(figure, [0.79, 0.035, 0.205, 0.20], points, fill=0.95, gaps=())
     axes.set_axis_off()
     axes.patch.set_alpha(0.0)
     draw_links(axes, segments, GHOST_COLOUR, 0.7 * thinness(len(segments)))

@@ -262,7 +262,7 @@ def _draw_subdomains(figure, segments, subdomain):
     palette = matplotlib.colormaps["tab20"].colors
     colours = np.array([palette[(7 * number) % 20] for number in range(subdomain.max() + 1)])[subdomain]
     points = segments.reshape(-1, segments.shape[2])
-    axes = axes_for(figure, [0.79, 0.035, 0.205, 0.20], points, elevation=40.0, fill=0.95)
+    axes = axes_for(figure, [0.79, 0.035, 0.205, 0.20], points, elevation=40.0, fill=0.95, gaps=())
     axes.set_axis_off()
     axes.patch.set_alpha(0.0)
     draw_links(axes, segments, colours, 0.7 * thinness(len(segments)))
