@@ -412,10 +412,6 @@ OTHERS = {
     "LATIN_ESTIMATE_BITS": ("bits", "Eight for one of 256 rows, one for the sign: goes with `LATIN_ESTIMATE_ROWS`."),
     "LATIN_ESTIMATE_SHARE": ("entries", "Six times nine bits are 54 of the 63 that a random number has."),
     "LATIN_LISTED": ("nodes or links", "As many as an error message names."),
-    "LATIN_LAWS_MAX": (
-        "laws",
-        "Room in the table for built-in laws and those of the user; an error says when it is full.",
-    ),
     # formats
     "LATIN_STATE_FORMAT": ("version", "Changes with the format of a state; files of other versions are refused."),
     "LATIN_STATE_HEAD": ("bytes", "HDF5 looks for its own head behind 512 bytes; ours takes less."),

@@ -255,3 +255,13 @@ def test_a_table_that_will_yield_bears_what_is_below_its_limit():
     found = structure.solve()
     assert not any(text.startswith("no equilibrium") for text in found.notices)
     assert found.displacements[6, 0] == pytest.approx(-0.022 - 0.02 / 5.0, rel=1e-6)
+
+
+def test_a_process_takes_as_many_tables_as_a_study_has():
+    """Yield forces one by one: each structure has its own table, the first one still after a hundred others."""
+    yields = np.linspace(10.0, 20.0, 101)
+    laws = [latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-limit, -limit, limit, limit]) for limit in yields]
+    assert len(set(laws)) == len(yields)
+    for law, limit in zip(laws, yields, strict=True):
+        alone = latinpc.Structure([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], load=[[0.0], [5.0]])
+        assert alone.solve().displacements[1, 0] == pytest.approx(5e-3 / limit, rel=1e-9)

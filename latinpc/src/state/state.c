@@ -120,10 +120,12 @@ static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, 
 }
 
 /* Adds the points of the tables that links here have to a hash: another program may give their numbers to others */
-static void LatinStateTables(const LatinStructure structure, uint64_t *hash)
+static PetscErrorCode LatinStateTables_Private(const LatinStructure structure, uint64_t *hash)
 {
-  PetscBool used[LATIN_LAWS_MAX] = {PETSC_FALSE};
+  PetscBool *used;
 
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(LatinLawCount, &used));
   for (PetscInt l = 0; l < structure->links_local; l++) used[structure->law[l]] = PETSC_TRUE;
   for (PetscInt law = 0; law < LatinLawCount; law++) {
     const PetscReal *strain = NULL, *tension = NULL;
@@ -133,6 +135,8 @@ static void LatinStateTables(const LatinStructure structure, uint64_t *hash)
     *hash = LatinStateHash(*hash, size, strain);
     *hash = LatinStateHash(*hash, size, tension);
   }
+  PetscCall(PetscFree(used));
+  PetscFunctionReturn(0);
 }
 
 /* *all: hash of the structure, partition, interfaces and search direction; not of loads and initial elongations, which may change between solves. Collective on state->snes */
@@ -151,7 +155,7 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
   hash = LatinStateHash(hash, n * sizeof(PetscReal), state->ts ? structure->mass : NULL);
   hash = LatinStateHash(hash, 2 * m * sizeof(PetscInt), structure->nodes);
   hash = LatinStateHash(hash, m * sizeof(PetscInt), structure->law);
-  LatinStateTables(structure, &hash);
+  PetscCall(LatinStateTables_Private(structure, &hash));
   hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->stiffness);
   hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->friction);
   hash = LatinStateHash(hash, m * dim * sizeof(PetscReal), structure->direction);

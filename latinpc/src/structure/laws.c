@@ -53,7 +53,7 @@ static PetscReal LatinLawLocal_Rigid(PetscReal l, PetscReal e0, PetscReal y, voi
 }
 
 /* Laws in the order of LatinLawType, then registered ones. Tangential parts of contacts with friction depend on the normal part: stages/localcontacts.c */
-LatinLaw LatinLaws[LATIN_LAWS_MAX] = {
+LatinLaw LatinBuiltInLaws[] = {
   {.name = "bar", .smooth = PETSC_TRUE, .tension = LatinLawTension_Bar, .tangent = LatinLawTangent_Bar, .energy = LatinLawEnergy_Bar, .local = LatinLawLocal_Bar},
   {.name = "cable", .tension = LatinLawTension_Unilateral, .tangent = LatinLawTangent_Unilateral, .energy = LatinLawEnergy_Unilateral, .local = LatinLawLocal_Unilateral, .ctx = &traction},
   {.name = "compression_only", .tension = LatinLawTension_Unilateral, .tangent = LatinLawTangent_Unilateral, .energy = LatinLawEnergy_Unilateral, .local = LatinLawLocal_Unilateral, .ctx = &compression},
@@ -62,4 +62,5 @@ LatinLaw LatinLaws[LATIN_LAWS_MAX] = {
   {.name = "friction", .rigid = PETSC_TRUE, .cure = "the elastic laws compression_only and bar", .local = LatinLawLocal_Rigid, .ctx = &compression},
   {.name = "tangent", .rigid = PETSC_TRUE, .cure = "the elastic laws compression_only and bar", .local = LatinLawLocal_Bar}
 };
-PetscInt LatinLawCount = LATIN_LAW_TANGENT + 1;
+LatinLaw *LatinLaws     = LatinBuiltInLaws;
+PetscInt  LatinLawCount = LATIN_LAW_TANGENT + 1;

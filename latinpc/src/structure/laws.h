@@ -81,9 +81,9 @@ typedef struct {
   PetscReal (*local)(PetscReal l, PetscReal e0, PetscReal y, void *ctx); /* local stage: y = tau + l e gives tau_hat - l e_hat; NULL: from the tension */
   void *ctx;
 } LatinLaw;
-#define LATIN_LAWS_MAX  64  /* laws in the table, the built-in ones included */
 #define LATIN_ROOT_MOST 200 /* most steps of Newton's method in the local stage of a link, with bisection: 2 on average, 20 at most */
-PETSC_INTERN LatinLaw       LatinLaws[];
+PETSC_INTERN LatinLaw       LatinBuiltInLaws[];
+PETSC_INTERN LatinLaw      *LatinLaws; /* the built-in ones, or a copy with registered ones behind them, which moves as it grows */
 PETSC_INTERN PetscInt       LatinLawCount;
 PETSC_INTERN PetscReal      LatinLawLocal(PetscInt law, PetscReal l, PetscReal e0, PetscReal y);
 PETSC_INTERN PetscInt       LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal *tension[]);

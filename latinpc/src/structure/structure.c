@@ -172,11 +172,11 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
 /* Stores laws that are known, with their stiffnesses, and checks them against the geometry and the initial elongations. Collective on structure */
 static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
-  PetscInt kinds[4] = {-1, 0, 0, 0};
+  PetscInt kinds[4] = {0, 0, 0, 0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table, for messages */
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAW_TANGENT + 1 - law[l]); /* the first in the table, for messages; registered laws are elastic */
     if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
     if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
     if (law[l] > LATIN_LAW_TANGENT) kinds[3] = 1;
@@ -184,7 +184,7 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
     structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 4, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
+  structure->rigid_law = kinds[0] ? LATIN_LAW_TANGENT + 1 - kinds[0] : -1;
   structure->general   = (PetscBool)(kinds[1] > 0);
   structure->rubs      = (PetscBool)(kinds[2] > 0);
   structure->own_laws  = (PetscBool)(kinds[3] > 0);

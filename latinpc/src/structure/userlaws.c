@@ -12,6 +12,8 @@ typedef struct {
   PetscReal *w;     /* [n] energies from the first point, over the steepest slope */
 } LatinTable;
 
+static PetscInt room = LATIN_LAW_TANGENT + 1; /* laws that the table has room for */
+
 /* Segment of x (add = 0), or of x + t (add = 1, in the local stage); the first and the last one are unbounded */
 static PetscInt LatinTableFind(const LatinTable *table, PetscReal x, PetscReal add)
 {
@@ -144,6 +146,21 @@ PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal s
   PetscFunctionReturn(0);
 }
 
+/* Makes room for one more law. Not collective */
+static PetscErrorCode LatinLawsGrow_Private(void)
+{
+  LatinLaw *laws;
+
+  PetscFunctionBegin;
+  if (LatinLawCount < room) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(2 * room, &laws));
+  PetscCall(PetscArraycpy(laws, LatinLaws, LatinLawCount));
+  if (LatinLaws != LatinBuiltInLaws) PetscCall(PetscFree(LatinLaws));
+  LatinLaws = laws;
+  room *= 2;
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name appears in messages.
 
@@ -170,7 +187,7 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
              name);
   PetscCall(LatinRegisterClasses_Private());
-  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "The table of laws is full: %d at most, with the built-in ones", LATIN_LAWS_MAX);
+  PetscCall(LatinLawsGrow_Private());
   LatinLaws[LatinLawCount] = (LatinLaw){.tension = functions->tension, .tangent = functions->tangent, .energy = functions->energy, .local = functions->local, .ctx = functions->ctx};
   PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
   *law = LatinLawCount++;
@@ -268,5 +285,8 @@ PetscErrorCode LatinLawsFinalize_Private(void)
     }
     PetscCall(PetscFree(law->name));
   }
+  if (LatinLaws != LatinBuiltInLaws) PetscCall(PetscFree(LatinLaws));
+  LatinLaws = LatinBuiltInLaws;
+  room      = LATIN_LAW_TANGENT + 1;
   PetscFunctionReturn(0);
 }
