@@ -301,26 +301,52 @@ def test_a_chain_lies_on_a_floor(cable, variant):
 
 @pytest.mark.parametrize("newton", [1.0, 1e3])
 @pytest.mark.parametrize("longer", [0.01, 0.05, 0.3])
-def test_a_net_lies_on_the_floor_with_all_its_cables_slack(longer, newton):
-    """Of elastic and inextensible cables: the contacts alone bear the loads, and each node sinks by its gap."""
-    rng = np.random.default_rng(0)
+@pytest.mark.parametrize("floor", ["contact", "compression_only"])
+def test_a_net_lies_on_the_floor_with_all_its_cables_slack(longer, newton, floor):
+    """Of elastic and inextensible cables: the floor alone bears the loads, each node sinks by its gap and its give."""
+    rng, soft = np.random.default_rng(0), 10.0 * newton if floor == "compression_only" else 0.0
     above, gap = net(10, 0.0, [0.0, 0.0, -0.01 * newton]), 0.3 * longer
     free = np.flatnonzero(~above["fixed"][:, 0])
     count, cables = len(free), len(above["links"])
-    below = above["nodes"][free] - [0.0, 0.0, 1.0]
+    below = above["nodes"][free] - [0.3, 0.0, 1.0]
     elastic = rng.random(cables) < 0.4
     structure = {
         "nodes": np.concatenate([above["nodes"], below]),
         "links": np.concatenate([above["links"], np.column_stack([len(above["nodes"]) + np.arange(count), free])]),
-        "law": [*np.where(elastic, "cable", "inextensible"), *["contact"] * count],
-        "stiffness": np.append(np.where(elastic, 5e3 * newton, 0.0), np.zeros(count)),
+        "law": [*np.where(elastic, "cable", "inextensible"), *[floor] * count],
+        "stiffness": np.append(np.where(elastic, 5e3 * newton, 0.0), np.full(count, soft)),
         "initial_elongation": np.append(-longer * rng.uniform(1.0, 2.0, cables), np.full(count, gap)),
         "fixed": np.concatenate([above["fixed"], np.ones((count, 3), bool)]),
         "load": np.concatenate([above["load"], np.zeros((count, 3))]),
+        "direction": np.repeat([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [cables, count], axis=0),
     }
     result = solve(structure)
     assert result.converged
-    assert result.displacements[free, 2] == pytest.approx(-gap, abs=1e-4)
+    assert result.displacements[free, 2] == pytest.approx(-gap - (1e-3 if soft else 0.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("EA", [1e4, np.inf])
+@pytest.mark.parametrize("law", ["contact", "compression_only"])
+@pytest.mark.parametrize("below", [2.0, 100.0])
+def test_a_floor_that_nothing_touches_changes_nothing(EA, law, below):
+    """Whatever it is made of, and however far it is below the chain."""
+    chain, exact = turning.catenary(20, EA=EA)
+    held = chain["fixed"][:, 0]
+    free, stiffness = np.flatnonzero(~held), np.full(20, 0.0 if np.isinf(EA) else chain["stiffness"])
+    structure = {
+        "nodes": np.concatenate([chain["nodes"], chain["nodes"][free]]),
+        "links": np.concatenate([chain["links"], np.column_stack([21 + np.arange(19), free])]),
+        "law": ["inextensible" if np.isinf(EA) else "cable"] * 20 + [law] * 19,
+        "stiffness": np.append(stiffness, np.full(19, 0.0 if law == "contact" else 1e3)),
+        "initial_elongation": np.append(np.full(20, chain["initial_elongation"]), np.full(19, below)),
+        "fixed": np.concatenate([chain["fixed"], np.ones((19, 2), bool)]),
+        "load": np.concatenate([chain["load"], np.zeros((19, 2))]),
+        "direction": np.repeat([[0.0, 0.0], [0.0, 1.0]], [20, 19], axis=0),
+    }
+    result = solve(structure, error=1e-8)
+    assert result.converged
+    assert result.displacements[:21] == pytest.approx(exact, abs=1e-7)
+    assert not result.tensions[20:].any()
 
 
 def test_a_stiff_floor_is_the_limit():

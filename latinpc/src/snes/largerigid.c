@@ -81,28 +81,25 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
   PetscFunctionReturn(0);
 }
 
-/* Is the problem convex, of cables and contacts alone, and does this solve start afresh? Collective on snes */
+/* Is the problem convex, as no link that turns bears compression, and does this solve start afresh? Collective on snes */
 static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
 {
-  const SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
-  PetscMPIInt          any       = 0;
+  const SNES_Latin *data   = (SNES_Latin *)snes->data;
+  PetscBool         struts = PETSC_FALSE;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++)
-    if (!LatinLaws[structure->law[l]].rigid && (structure->law[l] != LATIN_LAW_CABLE || LatinStructureKeeps(structure, l))) any = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *convex = (PetscBool)(!any && SNESLatinLargeProves(data) && !SNESLatinWarm(data) && !SNESLatinUserTest(snes));
+  PetscCall(LatinPathStruts_Private(data->large.frame->turns, &struts));
+  *convex = (PetscBool)(!struts && SNESLatinLargeProves(data) && !SNESLatinWarm(data) && !SNESLatinUserTest(snes));
   PetscFunctionReturn(0);
 }
 
 /* Near the solution, tensions become multipliers, and a multiple of their mean over length the penalty. Collective on snes */
 static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[])
 {
-  LatinStructure       frame     = ((SNES_Latin *)snes->data)->large.frame;
-  const LatinStructure structure = frame->turns;
-  const PetscInt       dim       = structure->dim;
-  PetscReal            sum[2]    = {0.0, 0.0};
+  const LatinLarge    *large = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure frame = large->frame, structure = frame->turns;
+  const PetscInt       dim    = structure->dim;
+  PetscReal            sum[2] = {0.0, 0.0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -110,7 +107,7 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
 
     for (PetscInt c = 0; c < dim; c++) length += PetscSqr(structure->span[dim * l + c]);
     sum[0] += PetscAbsReal(tension[l]);
-    sum[1] += PetscSqrtReal(length) - structure->e0[l];
+    sum[1] += LatinStructureKeeps(structure, l) ? large->size : PetscSqrtReal(length) - structure->e0[l]; /* a contact has a gap, and no length */
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -127,7 +124,7 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *f
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
   PetscReal     *tension;
-  PetscBool      convex, near = PETSC_FALSE;
+  PetscBool      convex = PETSC_FALSE, near = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(LatinTautConvex_Private(snes, &convex));
