@@ -170,6 +170,18 @@ def test_the_geometry_of_an_option_is_that_of_all_methods_and_of_the_reference()
     assert all(row["converged"] for row in json.loads(ended.stdout)["rows"])
 
 
+def test_large_displacements_are_compared_with_latin_on_its_path():
+    """Newton's method from the drawing finds no equilibrium of a mast in the wind: it is no reference."""
+    mast = make("mast", wind=200.0)
+    document = compare.compare(mast, ["latin", "newton-mumps"], repeat=1)
+    latin, newton = document["rows"]
+    assert document["reference"]["method"] == "latin"
+    assert latin["converged"] and latin["error_l2"] < 1e-4
+    assert not newton["converged"] and compare.layout(document)[1][1][4] == "-"
+    with pytest.raises(ValueError, match="clarabel solves structures in linear geometry alone"):
+        compare.compare(mast, ["clarabel"])
+
+
 # ---- processes -------------------------------------------------------------------------------
 
 

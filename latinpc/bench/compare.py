@@ -41,7 +41,8 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
     ----------
     scene : Scene
     methods : sequence of str
-        Names of `latinpc.bench.peers.METHODS`. By default its `LINEAR` for a scene of bars, its `DEFAULT` for others.
+        Names of `latinpc.bench.peers.METHODS`. By default its `LINEAR` for a scene of bars, its `DEFAULT` for others,
+        without those that do not take the geometry of the scene.
     accuracy : float
         Relative l2 error of the displacements to reach.
     repeat : int
@@ -63,13 +64,15 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
         scene, scene_options, free_dofs, links, accuracy, repeat, ranks, reference, cores, versions, rows, runs.
         A row has the keys of `KEYS`; a run more of them. What a method that failed does not give is None.
     """
-    bars = not (scene.law != Law.BAR).any()
-    methods = check_methods(methods or (LINEAR if bars else DEFAULT))
-    wrong = [name for name in methods if METHODS[name].kind == "linear"]
-    if wrong and not bars:
-        raise ValueError(
-            f"{wrong[0]} solves structures of bars alone, and {scene.name} has other links: take truss-grid"
-        )
+    methods = check_methods(methods or _suited(scene))
+    bars, linear = not (scene.law != Law.BAR).any(), scene.geometry == "linear"
+    for name in methods:
+        if METHODS[name].kind == "linear" and not (bars and linear):
+            raise ValueError(
+                f"{name} solves structures of bars alone, in linear geometry, and {scene.name} is none: take truss-grid"
+            )
+        if METHODS[name].kind == "qp" and not linear:
+            raise ValueError(f"{name} solves structures in linear geometry alone: leave it out of --methods")
     if not 0 < accuracy < 1:
         raise ValueError(f"--accuracy {accuracy:g}: a relative error, between 0 and 1")
     if repeat < 1 or ranks < 1:
@@ -125,6 +128,14 @@ class _Told:
             self._progress(f"{self._scene}: {self._number} of {self._total}, {text} ({seconds:.0f} s so far)")
 
 
+def _suited(scene):
+    """Return the methods that take a scene: its energy is quadratic, convex, or neither with large displacements."""
+    if scene.geometry == "linear":
+        return DEFAULT if (scene.law != Law.BAR).any() else LINEAR
+    others = ("newton-latin",) if scene.geometry == "large" else ()
+    return [name for name in DEFAULT if METHODS[name].kind != "qp" and name not in others]
+
+
 def check_methods(methods):
     """Return the methods without repetition; raise for an unknown one."""
     for name in methods:
@@ -155,8 +166,11 @@ def _ranks(bench, name):
 def _stop(bench, name, accuracy):
     """Return the tolerance that reaches the accuracy; one that is not reached is a failure only once timed.
 
-    None for latin, whose own stop then lets Newton's method take over.
+    None for latin, whose own stop then lets Newton's method take over; with large displacements, which take paths of
+    Newton's method, at once.
     """
+    if bench.large and METHODS[name].kind == "latin":
+        return None
     answer = bench.run(_ranks(bench, name), do="calibrate", method=name, accuracies=[accuracy])
     return answer["tolerances"][0] or (None if METHODS[name].kind == "latin" else accuracy * 1e-2)
 
@@ -213,7 +227,7 @@ def layout(document):
         total = row["setup_seconds"] + row["solve_seconds"]
         cells += [quantity(value, "s") for value in (row["setup_seconds"], row["solve_seconds"], total)]
         times = memory = "-"
-        if latin is not None:
+        if latin is not None and row["converged"]:
             times = f"{total / (latin['setup_seconds'] + latin['solve_seconds']):.1f}"
             memory = f"{row['peak_memory_bytes'] / latin['peak_memory_bytes']:.1f}"
         errors = ["-" if row[key] is None else f"{row[key]:.1e}" for key in ("error_l2", "error_energy")]
