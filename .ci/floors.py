@@ -37,7 +37,7 @@ C_FLOORS = [
 PYTHON_FLOORS = [
     ["errors"],
     ["laws", "_latin", "numbering"],
-    ["arrays", "library", "geometry", "options"],
+    ["arrays", "blas", "library", "geometry", "options"],
     ["checks", "userlaws", "actions", "equations", "accuracy", "solvers", "settings"],
     ["results"],
     ["structure"],

@@ -16,9 +16,10 @@ from test_drawings import grid_of_lines
 from test_files import MSH, TOML
 
 import latinpc as package
-from latinpc import cli
+from latinpc import blas, cli
 from latinpc.cli.arguments import split_arguments
 from latinpc.options import INNER_PREFIXES, OPTIONS, unknown_options
+from latinpc.scenes import make
 
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
@@ -53,16 +54,41 @@ def test_scenes_and_info():
 
 def test_info_names_the_kernels_of_openblas():
     """Sandy Bridge's run on all processors with AVX; nobody is to set what is set."""
-    blas = json.loads(latinpc("info", "--json", "-").stdout)["blas"]
-    if blas is None:
+    free = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
+    found = json.loads(latinpc("info", "--json", "-", env=free).stdout)["blas"]
+    if found is None:
         assert "BLAS           not OpenBLAS" in latinpc("info").stdout
         return
-    assert ("OPENBLAS_CORETYPE" in latinpc("info").stdout) == blas["wider"]
-    text = latinpc("info", env={**os.environ, "OPENBLAS_CORETYPE": "SANDYBRIDGE"}).stdout
-    kernels = (
-        "Sandybridge" if blas["wider"] else f"(Sandybridge|{blas['kernels']})"
-    )  # one that has no choice keeps its own
-    assert re.search(rf"BLAS +OpenBLAS [\d.]+, kernels {kernels}$", text, re.MULTILINE)
+    assert ("OPENBLAS_CORETYPE" in latinpc("info", env=free).stdout) == bool(found["wider"])
+    text = latinpc("info", env={**free, "OPENBLAS_CORETYPE": found["wider"] or "SANDYBRIDGE"}).stdout
+    kernels = found["wider"] or f"Sandybridge|{found['kernels']}"  # one that has no choice keeps its own
+    assert re.search(rf"BLAS +OpenBLAS [\d.]+, kernels ({kernels})$", text, re.MULTILINE | re.IGNORECASE)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "instructions", "wider"),
+    [
+        ("Prescott", "sse3 avx2 fma avx512f avx512dq", "SKYLAKEX"),
+        ("Haswell", "sse3 avx2 fma avx512f avx512dq", "SKYLAKEX"),
+        ("Prescott", "sse3 avx2 fma", "HASWELL"),
+        ("Cooperlake", "sse3 avx2 fma avx512f avx512dq", None),
+        ("Zen", "sse3 avx2 fma", None),
+        ("Prescott", "sse3", None),
+        ("NEOVERSEN1", "", None),
+    ],
+)
+def test_kernels_wider_than_those_chosen(chosen, instructions, wider):
+    assert blas._wider(chosen, set(instructions.split())) == wider
+
+
+def test_a_long_solve_names_wider_kernels(monkeypatch):
+    narrow = {"version": "0.3.21", "kernels": "Prescott", "wider": "HASWELL"}
+    monkeypatch.setattr("latinpc.results.solve.kernels", lambda: narrow)
+    monkeypatch.setattr("latinpc.results.solve.LONG", 1e3)
+    said = "OpenBLAS runs its kernels for Prescott: export OPENBLAS_CORETYPE=HASWELL makes factors faster"
+    assert said in make("truss-grid", modules=4).solve().notices
+    monkeypatch.undo()
+    assert said not in make("truss-grid", modules=4).solve().notices
 
 
 def test_help_of_cases_has_no_options_of_scenes_nor_of_one_case():
@@ -303,7 +329,7 @@ def test_a_failure_of_one_rank_ends_the_others(mpirun):
 import sys
 from mpi4py import MPI
 import latinpc as package
-from latinpc import cli
+from latinpc import blas, cli
 
 def fails(options):
     raise ValueError("only here")

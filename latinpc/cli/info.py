@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import pathlib
@@ -16,6 +15,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.blas import CHOICE, kernels
 from latinpc.options import preset_files
 from latinpc.runs.report import versions
 from latinpc.solvers import has_package
@@ -76,33 +76,10 @@ def _found(ranks, hosts):
         "cores": min(count for _, count in hosts),
         "threads": {name: os.environ.get(name) for name in THREADS if name in os.environ},
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "blas": _blas(library),
+        "blas": kernels(),
         "library": library,
         "library_exists": os.path.exists(library),
         "presets": list(preset_files()),
-    }
-
-
-def _blas(library):
-    """Return version and kernels of the OpenBLAS that the library calls, and whether wider ones would run here.
-
-    None with another BLAS. A processor that is newer than OpenBLAS gets kernels for AVX2, though it has AVX-512.
-    """
-    try:
-        loaded = ctypes.CDLL(library)
-        said = [getattr(loaded, f"openblas_get_{what}") for what in ("config", "corename")]
-    except (OSError, AttributeError):
-        return None
-    for function in said:
-        function.restype = ctypes.c_char_p
-    config, kernels = (function().decode() for function in said)
-    version = re.search(r"OpenBLAS ([\d.]+)", config)
-    cpu = pathlib.Path("/proc/cpuinfo")
-    wide = "DYNAMIC_ARCH" in config and cpu.is_file() and re.search(r"\bavx512f\b", cpu.read_text(errors="replace"))
-    return {
-        "version": version.group(1) if version else None,
-        "kernels": kernels,
-        "wider": bool(wide) and kernels in ("Haswell", "Zen"),
     }
 
 
@@ -154,7 +131,7 @@ def _kernels(blas):
     """Return the BLAS in words, with the cure for kernels that are too narrow."""
     if not blas:
         return "not OpenBLAS"
-    cure = "; OPENBLAS_CORETYPE=SKYLAKEX chooses those for AVX-512, which this processor has" if blas["wider"] else ""
+    cure = f"; {CHOICE}={blas['wider']} chooses wider ones, which this processor has" if blas["wider"] else ""
     return f"OpenBLAS {blas['version'] or ''}, kernels {blas['kernels']}{cure}"
 
 

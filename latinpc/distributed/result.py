@@ -21,7 +21,7 @@ from latinpc.results.notices import causes, changed, implausible, limit, magnitu
 from latinpc.results.plots import Plots
 from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
-from latinpc.results.solve import idle, report_of
+from latinpc.results.solve import idle, narrow, report_of
 from latinpc.structure import Structure
 
 from .vtk import write_pvtu
@@ -185,7 +185,8 @@ def _gathered_local(structure, snes, core, u, factor):
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
     )
-    result.notices += dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)
+    said = comm.allgather([*causes(snes, structure, past), *narrow(core)])
+    result.notices += dict.fromkeys(text for texts in said for text in texts)
     result.notices += idle(snes)
     result.notices += unstable(structure, u, none) if result.converged else []
     said = result.report | {"branch": branches(snes, factor)}

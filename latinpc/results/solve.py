@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from latinpc import accuracy, errors, solvers
 from latinpc.arrays import alike
+from latinpc.blas import CHOICE, kernels
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
@@ -25,8 +26,9 @@ from .unread import unread
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["attach_linear", "gather", "idle", "report_of", "solve", "unread"]
+__all__ = ["attach_linear", "gather", "idle", "narrow", "report_of", "solve", "unread"]
 
+LONG = 1e10  # operations of factors: a second with the narrowest kernels of OpenBLAS
 LAGS = [f"snes_lag_{what}{persists}" for what in ("jacobian", "preconditioner") for persists in ("", "_persists")]
 
 
@@ -115,6 +117,16 @@ def idle(snes: PETSc.SNES) -> list[str]:
         if snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
             said += ["-snes_npc_side left leaves Newton's method no matrix to precondition with: take -pc_type none"]
     return said
+
+
+def narrow(core: PETSc.Object | None) -> list[str]:
+    """Return a sentence on kernels of the BLAS narrower than the processor, where that costs time; collective."""
+    if core is None or solvers.cost(core)["factor_operations"] < LONG:
+        return []
+    blas = kernels()
+    if not blas or not blas["wider"]:
+        return []
+    return [f"OpenBLAS runs its kernels for {blas['kernels']}: export {CHOICE}={blas['wider']} makes factors faster"]
 
 
 def attach_linear(structure: Structure, snes: PETSc.SNES) -> PETSc.SNES | PETSc.KSP | PETSc.PC | None:
@@ -231,7 +243,13 @@ def _gathered(structure, snes, core, u, part, factor, ends):
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
-        notices=[*structure.notices, *implausible(structure), *causes(snes, structure, past), *idle(snes)],
+        notices=[
+            *structure.notices,
+            *implausible(structure),
+            *causes(snes, structure, past),
+            *idle(snes),
+            *narrow(core),
+        ],
     )
     slack = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
     report = report_of(structure, snes, statistics, past, slack) | {
