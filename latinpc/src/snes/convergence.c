@@ -82,6 +82,8 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
     data->guess = (PetscBool)(size > 0.0);
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
+  if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinAtRest_Private(snes));
+  warm = SNESLatinWarm(data);
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
   if (data->stop == LATIN_STOP_RESIDUAL) warm = PETSC_FALSE;
   if (data->latin->linear.rigid_tension && !warm) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));

@@ -140,38 +140,75 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/*
-   Is a solution of this l2 norm what rounding makes of a self-stress: do tensions as drawn balance the loads, `more` included, but for rounding, and is
-   the response to that below the rounding of coordinates? It has no accurate digits. Not where rounding hides loads; nor for rigid links, whose tensions are unknown, nor in a time
-   step. Collective on structure
-*/
-PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, PetscReal moved, PetscBool *rests)
+/* Do tensions as drawn balance the loads, `more` included, but for rounding, and are rigid links, which bear nothing, as long as their gaps let them? Not where rounding hides loads. Collective on structure */
+static PetscErrorCode LatinDrawnRests_Private(LatinStructure structure, Vec more, PetscBool *rests)
 {
-  PetscReal bearing = 0.0, left, loads, least, *tension;
+  PetscReal bearing[2] = {0.0, 0.0}, left, loads, *tension; /* squared tensions; rigid links that would bear */
   Vec       u, r;
 
   PetscFunctionBegin;
-  *rests = PETSC_FALSE;
-  if (structure->rigid_law >= 0 || structure->ground) PetscFunctionReturn(0);
-  PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  if (!(moved <= least)) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &u));
   PetscCall(DMGetGlobalVector(structure->dm, &r));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(VecZeroEntries(u));
-  PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
-  for (PetscInt l = 0; l < structure->links_local; l++) bearing += PetscSqr(tension[l]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &bearing, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinStructureStrains_Private(structure, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal strain = tension[l];
+
+    if (LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT && LatinLawSign(structure->law[l]) * strain > 0.0) bearing[1] = 1.0;
+    tension[l] = LatinStructureTension(structure, NULL, l, strain);
+    bearing[0] += PetscSqr(tension[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bearing, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureLoads_Private(structure, more, r));
   PetscCall(VecNorm(r, NORM_2, &loads));
   PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
   if (more) PetscCall(VecAXPY(r, -1.0, more));
   PetscCall(VecNorm(r, NORM_2, &left));
-  bearing = LATIN_SELF_STRESS * PETSC_MACHINE_EPSILON * PetscSqrtReal(bearing);
-  *rests  = (PetscBool)(left <= bearing && (loads == 0.0 || loads > bearing));
+  bearing[0] = LATIN_SELF_STRESS * PETSC_MACHINE_EPSILON * PetscSqrtReal(bearing[0]);
+  *rests     = (PetscBool)(left <= bearing[0] && bearing[1] == 0.0 && (loads == 0.0 || loads > bearing[0]));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(DMRestoreGlobalVector(structure->dm, &r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Is a solution of this l2 norm what rounding makes of a self-stress: do tensions as drawn balance the loads, and is the response to their rounding below
+   that of coordinates? It has no accurate digits. Not for rigid links, whose tensions are unknown, nor in a time step. Collective on structure
+*/
+PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, PetscReal moved, PetscBool *rests)
+{
+  PetscReal least;
+
+  PetscFunctionBegin;
+  *rests = PETSC_FALSE;
+  if (structure->rigid_law >= 0 || structure->ground) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumPoint_Private(structure, &least));
+  if (moved <= least) PetscCall(LatinDrawnRests_Private(structure, more, rests));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Where the structure rests as drawn without loads, a solve starts there: from the last state, or a guess, it shrank to the least numbers, as nothing has no
+   digits to be accurate to, and from the initial state slack links may let it stray. Links that turn may rest elsewhere as well, and a time step has its past.
+   Collective on snes
+*/
+PetscErrorCode SNESLatinAtRest_Private(SNES snes)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->latin->sub.structure;
+  PetscReal      loads;
+  PetscBool      rests = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  if (structure->span || structure->ground || data->large.frame) PetscFunctionReturn(0);
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  if (loads == 0.0) PetscCall(LatinDrawnRests_Private(structure, snes->vec_rhs, &rests));
+  if (!rests) PetscFunctionReturn(0);
+  PetscCall(VecZeroEntries(snes->vec_sol));
+  data->guess     = PETSC_TRUE;
+  data->has_state = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 

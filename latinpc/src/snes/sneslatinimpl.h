@@ -345,6 +345,7 @@ PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
+PETSC_INTERN PetscErrorCode      SNESLatinAtRest_Private(SNES);
 PETSC_INTERN PetscErrorCode      LatinSelfStress_Private(LatinStructure, Vec more, PetscReal moved, PetscBool *rests);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
