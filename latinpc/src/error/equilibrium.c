@@ -259,7 +259,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 {
   const LatinStructure structure = latin->sub.structure;
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
-  PetscReal            size, missed, norm, works, largest = 0.0;
+  PetscReal            size, missed, norm, works, drawn, largest = 0.0;
   PetscBool            far;
   LatinNodalSums       sum;
   LatinNodalBalance    balance;
@@ -283,7 +283,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum.error <= sum.hides[energy ? 0 : 1]) sum.error = 0.0; /* less than rounding moves it */
   found->balanced = (PetscBool)(sum.error == 0.0);
   found->left     = PetscSqrtReal(sum.left);
-  if (sum.load > 0.0 || far) found->rounding = PetscSqrtReal(LatinRatio(sum.hidden, sum.load > 0.0 ? sum.load : sum.bearing));
+  if (!(sum.load > 0.0) && far) PetscCall(LatinStructureDrawn_Private(structure, &drawn));
+  if (sum.load > 0.0 || far) found->rounding = PetscSqrtReal(LatinRatio(sum.hidden, sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PetscSqr(drawn)))); /* where tensions as drawn have moved it, none may be left */
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum.left, sum.load > 0.0 ? sum.load : sum.bearing));
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;

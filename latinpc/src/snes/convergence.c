@@ -196,7 +196,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   const PetscBool step = (PetscBool)(!balances && data->stop == LATIN_STOP_INDICATOR);
   const PetscBool left = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL), gaps = (PetscBool)(left && data->latin->sub.structure->rigid_law >= 0);
   const PetscReal target = step ? SNESLatinShown(snes->stol) : data->target;
-  PetscReal       loads;
+  PetscReal       loads, drive = 0.0;
   PetscBool       far;
 
   PetscFunctionBegin;
@@ -205,12 +205,13 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
   if (!far && !balances && !step && !left && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (far) PetscCall(SNESLatinDrive_Private(snes, &drive));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinUnbalanceRounded(snes)) {
     *next                = LATIN_NEXT_ROUNDING;
     data->estimate.floor = 1.0;
-  } else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
+  } else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * drive) *next = LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
   else if (SNESLatinLeft(snes, loads)) *next = LATIN_NEXT_ROUNDING;
   else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;

@@ -140,6 +140,15 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
+/* What moves the structure: the l2 norm of the loads, or without any that of the tensions as drawn. Collective on snes */
+PetscErrorCode SNESLatinDrive_Private(SNES snes, PetscReal *norm)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLoads_Private(snes, norm));
+  if (!(*norm > 0.0)) PetscCall(LatinStructureDrawn_Private(((SNES_Latin *)snes->data)->latin->sub.structure, norm));
+  PetscFunctionReturn(0);
+}
+
 /* Do tensions as drawn balance the loads, `more` included, but for rounding, and are rigid links, which bear nothing, as long as their gaps let them? Not where rounding hides loads. Collective on structure */
 static PetscErrorCode LatinDrawnRests_Private(LatinStructure structure, Vec more, PetscBool *rests)
 {

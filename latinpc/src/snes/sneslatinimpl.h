@@ -36,7 +36,7 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 #define LATIN_JAM_LEAST       100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages, of a nonlinear preconditioner, show neither */
 #define LATIN_COLLAPSE_WINDOW 20   /* linear stages between two tests for a collapse of contacts with friction */
 #define LATIN_COLLAPSE_GROWS  4.0  /* times the displacements that were first larger than the structure */
-#define LATIN_NEWTON_FAR      1e-7 /* largest unbalance, relative to the loads, of displacements larger than the structure */
+#define LATIN_NEWTON_FAR      1e-7 /* largest unbalance, relative to the loads, or without any to the tensions as drawn, of displacements larger than the structure */
 
 typedef struct {
   LatinNewtonType type;
@@ -57,6 +57,7 @@ typedef struct {
   PetscReal        target, residual;  /* relative error of the displacements, norm of the residual to stop at */
   PetscReal        tension_target;    /* relative error of the tensions to stop at */
   PetscReal        balance, loads;    /* largest residual norm with that error; norm of the loads */
+  PetscReal        drive;             /* the same, or without loads of the tensions as drawn */
   PetscBool        energy;            /* error in the energy norm, else l2 */
   PetscReal        size;              /* l2 norm of the displacements */
   PetscReal        rtol;              /* rtol of a linear solve while links change */
@@ -345,6 +346,7 @@ PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
+PETSC_INTERN PetscErrorCode      SNESLatinDrive_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinAtRest_Private(SNES);
 PETSC_INTERN PetscErrorCode      LatinSelfStress_Private(LatinStructure, Vec more, PetscReal moved, PetscBool *rests);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);

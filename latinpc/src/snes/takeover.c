@@ -135,6 +135,7 @@ static PetscErrorCode SNESLatinNewtonGoal_Private(SNES snes)
   newton->limit          = SNESLatinStageLimit(snes) - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
+  if (newton->proves) PetscCall(SNESLatinDrive_Private(snes, &newton->drive));
   PetscFunctionReturn(0);
 }
 

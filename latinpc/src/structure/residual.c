@@ -15,6 +15,25 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
+/* l2 norm of the tensions of elastic links as drawn, by initial elongations and prescribed displacements alone. Collective on structure */
+PetscErrorCode LatinStructureDrawn_Private(LatinStructure structure, PetscReal *norm)
+{
+  PetscReal sum = 0.0, *tension;
+  Vec       u;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(structure->dm, &u));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(VecZeroEntries(u));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) sum += LatinLaws[structure->law[l]].rigid ? 0.0 : PetscSqr(tension[l]);
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &u));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *norm = PetscSqrtReal(sum);
+  PetscFunctionReturn(0);
+}
+
 /* Unbalance r = B^t tau - F with these tensions. Collective on structure */
 PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {

@@ -203,6 +203,7 @@ PETSC_INTERN PetscErrorCode LatinSolverUnbalance_Private(SNES, LatinStructure, V
 PETSC_INTERN PetscErrorCode LatinNoObjective_Private(SNES);
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinStructureDrawn_Private(LatinStructure, PetscReal *norm);
 PETSC_INTERN PetscErrorCode LatinStructureAddLinks_Private(LatinStructure, PetscInt i, PetscInt j, PetscReal k, Mat);
 PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
