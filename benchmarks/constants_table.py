@@ -166,9 +166,6 @@ TUNING = {
         (*PROVED, *RATIOS),
         so="A quarter forgets slow fields, and the estimate falls; a longer past changes nothing.",
     ),
-    "LATIN_ESTIMATE_SHORT": Tuning(
-        "iterates", "shortest past", (*PROVED, *RATIOS), so="A quarter does as well; four times the value costs stages."
-    ),
     "LATIN_ESTIMATE_STEP": Tuning(
         "iterates",
         "step of the extrapolation",

@@ -24,7 +24,6 @@
 #define LATIN_ESTIMATE_BITS   9    /* random bits of a degree of freedom: its entry, of 2^8, and its sign */
 #define LATIN_ESTIMATE_SHARE  6    /* degrees of freedom that share a hash of 64 bits */
 #define LATIN_ESTIMATE_WINDOW 64   /* most iterates stored: even, as half of them are dropped when it is full */
-#define LATIN_ESTIMATE_SHORT  4    /* least number of earlier iterates in the window, if there are as many */
 #define LATIN_ESTIMATE_STEP   4    /* least number of iterates between those of the extrapolation */
 #define LATIN_ESTIMATE_RATE   0.98 /* upper bound of the rate of the extrapolation */
 #define LATIN_ESTIMATE_NOISE  64.0 /* times eps, of the displacements at the ends of a link times its search parameter: rounding of its tension */
@@ -161,7 +160,7 @@ static PetscReal LatinEstimateFar(const LatinEstimate *estimate, PetscInt field,
 /* The estimated error of a field of the last stored iterate, relative */
 static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt field)
 {
-  const PetscInt  last = estimate->stored - 1, first = PetscMax(0, PetscMin(last / 2, last - LATIN_ESTIMATE_SHORT));
+  const PetscInt  last = estimate->stored - 1, first = last / 2;
   const PetscInt  step  = PetscMax(1, LATIN_ESTIMATE_STEP / estimate->stride);
   const PetscReal norm  = PetscSqrtReal(estimate->sketch[last * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1) + LATIN_ESTIMATE_ROWS]);
   const PetscReal noise = field ? PetscSqrtReal(estimate->sketch[(last + 1) * estimate->width - 2]) : 0.0;
