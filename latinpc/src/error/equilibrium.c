@@ -368,12 +368,12 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
    displacements of the size of the structure, or 10 times as large as u, there are none. The verdict is LATIN_JAMMED then; else *found is
    unchanged.
 
-   `claims`: the solver would accept u as the solution: displacements 10 times as large as u suffice. `stays`: the gaps missed stay the same
-   whatever the stiffness of the links: the work alone suffices, unless a tension decreases, which ends at zero.
+   `stays`: the gaps missed stay the same whatever the stiffness of the links: the work alone suffices, unless a tension decreases,
+   which ends at zero.
    dtau: [links_local] increments; those of elastic links, and of the sign that the law does not admit, are set to zero.
    Collective on structure
 */
-PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool claims, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
 {
   PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x; /* work on gaps and prescribed displacements, sum of absolute works; largest increase and decrease of tensions */
   PetscInt  mine[LATIN_LISTED], count    = 0;
@@ -401,7 +401,6 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
-  if (claims && moved > 0.0) size = 0.0;
   if (stays && most[1] <= PETSC_SQRT_MACHINE_EPSILON * most[0]) left = 0.0;
   if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -455,7 +454,7 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   PetscCall(LatinAverage_Private(&latin->linear, u));
   PetscCall(LatinReturnTensions_Private(&latin->linear));
   for (PetscInt l = 0; l < structure->links_local; l++) dtau[l] = latin->linear.rigid_tension[l] - dtau[l];
-  if (!latin->linear.failed) PetscCall(LatinEquilibriumFarkas_Private(structure, u, PETSC_FALSE, PETSC_FALSE, dtau, found));
+  if (!latin->linear.failed) PetscCall(LatinEquilibriumFarkas_Private(structure, u, PETSC_FALSE, dtau, found));
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));
   PetscCall(PetscArraycpy(latin->linear.rigid_tension, before, structure->links_local));
   PetscCall(PetscFree2(before, dtau));

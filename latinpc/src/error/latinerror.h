@@ -105,7 +105,7 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, P
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure, Vec step, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
-PETSC_INTERN PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure, Vec u, PetscBool claims, PetscBool stays, PetscReal dtau[], LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure, Vec u, PetscBool stays, PetscReal dtau[], LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);

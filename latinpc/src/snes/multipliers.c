@@ -121,7 +121,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
   if (stays && !*done) PetscCall(LatinMultipliersLeap_Private(newton));
-  PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found));
+  PetscCall(LatinEquilibriumFarkas_Private(structure, u, stays, newton->tension, &newton->found));
   *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
