@@ -319,13 +319,6 @@ TUNING = {
         values=(6, 25, 400, 1600),
         so="6 stages miss a jam, 25 find all.",
     ),
-    "LATIN_JAM_FAR": Tuning(
-        "times the displacements",
-        "how far a solution is looked for",
-        (*JAMS, "light last grain", EXTREMES[1]),
-        values=(0.625, 2.5, 40.0, 160.0),
-        so="Nothing changes from 0 to 1e4: jams have no unbalance at all.",
-    ),
     "LATIN_JAM_LEAST": Tuning(
         "linear stages",
         "solves whose jams are looked for",

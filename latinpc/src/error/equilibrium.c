@@ -32,7 +32,6 @@
 #define LATIN_PUSH         1e-9                         /* of the loads: their rounding along a step */
 #define LATIN_LOAD_LEFT    0.1                          /* least part of the loads along a mechanism that tensions do not balance */
 #define LATIN_JAM_STAGES   100                          /* damped linear stages after which growing tensions are a self-stress; 25 find every jam tried, 6 do not */
-#define LATIN_JAM_FAR      10.0                         /* times the displacements: size up to which a jam is proved */
 
 /* Sums over nodes */
 typedef struct {
@@ -365,7 +364,7 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
    Jammed rigid links: no kinematically admissible displacement exists. The tensions of jammed links grow without bound, by the same
    self-stress dtau from one stage of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0. All admissible
    strains x have dtau . x = dtau . (e0 + B u) <= 0 [J. Farkas]. If dtau . e0 > 0, by more than B^t dtau can balance on
-   displacements of the size of the structure, or 10 times as large as u, there are none. The verdict is LATIN_JAMMED then; else *found is
+   displacements of the size of the structure or of u there are none. The verdict is LATIN_JAMMED then; else *found is
    unchanged.
 
    `stays`: the gaps missed stay the same whatever the stiffness of the links: the work alone suffices, unless a tension decreases,
@@ -402,7 +401,7 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   if (stays && most[1] <= PETSC_SQRT_MACHINE_EPSILON * most[0]) left = 0.0;
-  if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
+  if (!(sum[0] > PetscMax(moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (PetscAbsReal(dtau[l]) <= PETSC_SQRT_MACHINE_EPSILON * most[0]) continue; /* all of them prove it */
     if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
