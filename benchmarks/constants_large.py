@@ -163,11 +163,6 @@ LARGE = {
     ),
     "LATIN_LARGE_NONE": ("of the size", "Displacements of an unloaded structure are rounding of its prestress."),
     "LATIN_LARGE_PREDICT": ("iterations", "Ends a linear solve that does not converge."),
-    "LATIN_LARGE_SLOPE": (
-        "of the slope at the start",
-        "A step is searched only where the energy rises steeply at its end.",
-    ),
-    "LATIN_LARGE_SEARCH": ("trial lengths", "Every third halves the interval."),
     "LATIN_LARGE_FIRM": (
         "times `LATIN_MECHANISM`, of the largest stiffness",
         "Without, 28 of 400 random structures more are claimed: mechanisms at rest.",

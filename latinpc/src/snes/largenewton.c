@@ -31,9 +31,7 @@
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
 #define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions, each by the size over its length: rounding of forces */
 #define LATIN_LARGE_NONE    1e-9 /* of the size of the structure: displacements that leave no more than that are none */
-#define LATIN_LARGE_SLOPE   0.5  /* of the energy at the end of a step, relative to that at its start; 0.1 once it is searched for */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
-#define LATIN_LARGE_SEARCH  20   /* trial lengths */
 #define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM, of the largest stiffness: a stiffness that is less is what rounding makes of none */
 
 /* The norm of the residual r that the linear solver has: by default sqrt(r^t K^-1 r) with K the operators of the iteration. Collective on newton */
@@ -223,41 +221,20 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   PetscFunctionReturn(0);
 }
 
-/* The whole step where tensions go ahead; else the part of it at which forces along it vanish, by secants within a bracket. Collective on the SNES */
-static PetscErrorCode LatinLargeSearch_Private(SNESLineSearch search, void *ctx)
+/* The whole step, where tensions go ahead of the displacements. Collective on the SNES */
+static PetscErrorCode LatinLargeWhole_Private(SNESLineSearch search, void *ctx)
 {
-  LatinLarge *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
-  PetscReal   low = 0.0, high = 1.0, t = 1.0;
-  PetscScalar first, here, slope[2];
-  SNES        newton;
-  Vec         u, f, step, at;
+  SNES newton;
+  Vec  u, f, step;
 
   PetscFunctionBegin;
   PetscCall(SNESLineSearchGetSNES(search, &newton));
   PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
-  PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, &at, NULL));
-  PetscCall(VecDot(f, step, &first));
-  slope[0] = slope[1] = first;
-  PetscCall(LatinLargeAhead_Private(large, u, step));
-  for (PetscInt k = 0; k < LATIN_LARGE_SEARCH; k++) {
-    PetscCall(VecWAXPY(at, -t, step, u));
-    PetscCall(SNESComputeFunction(newton, at, f));
-    if (large->ahead) break;
-    PetscCall(VecDot(f, step, &here));
-    if (PetscRealPart(here * first) >= 0.0 && k == 0) break; /* the energy falls all the way */
-    if (PetscAbsScalar(here) <= (k ? 0.1 : LATIN_LARGE_SLOPE) * PetscAbsScalar(first)) break;
-    if (PetscRealPart(here * first) > 0.0) {
-      low      = t;
-      slope[0] = here;
-    } else {
-      high     = t;
-      slope[1] = here;
-    }
-    t = k % 3 == 2 ? 0.5 * (low + high) : low + PetscRealPart(slope[0] / (slope[0] - slope[1])) * (high - low);
-  }
-  PetscCall(VecCopy(at, u));
-  PetscCall(VecScale(step, t)); /* the norm of the step is that of what was taken */
-  PetscCall(SNESLineSearchSetLambda(search, t));
+  PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
+  PetscCall(LatinLargeAhead_Private(&((SNES_Latin *)((SNES)ctx)->data)->large, u, step));
+  PetscCall(VecAXPY(u, -1.0, step));
+  PetscCall(SNESComputeFunction(newton, u, f));
+  PetscCall(SNESLineSearchSetLambda(search, 1.0));
   PetscCall(SNESLineSearchComputeNorms(search));
   PetscFunctionReturn(0);
 }
@@ -284,8 +261,8 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 
   PetscFunctionBegin;
   if (*newnewton) PetscFunctionReturn(0);
-  PetscCall(SNESLatinInner_Private(snes, LatinLargeSearch_Private, snes, structure->midpoint ? KSPGMRES : KSPCG, &newton)); /* tangents of a time step are not symmetric */
-  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT));                                                          /* a step that is cut short counts */
+  PetscCall(SNESLatinInner_Private(snes, LatinLargeWhole_Private, snes, structure->midpoint ? KSPGMRES : KSPCG, &newton)); /* tangents of a time step are not symmetric */
+  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT));                                                         /* a step that is cut short counts */
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_LARGE_PREDICT));
   PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
