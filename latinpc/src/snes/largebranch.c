@@ -17,22 +17,17 @@
 #define LATIN_BRANCH_NOTHING  1e-2                      /* of the stiffness: what the power method leaves of none */
 #define LATIN_BRANCH_DISTURBS 1e-6                      /* of the size of the structure, beside the displacements ahead: how far along the mode a descent begins */
 
-/* From v down the energy to a stable equilibrium under that part of the path, if *stable; `first` of the displacements ahead is the first step. Overwrites path->step. Collective on snes */
-static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, PetscReal part, PetscReal first, Vec v, PetscBool *stable)
+/* From v down the energy to a stable equilibrium under that part of the path, if *stable. Overwrites path->step. Collective on snes */
+static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, PetscReal part, Vec v, PetscBool *stable)
 {
   SNES_Latin *data    = (SNES_Latin *)snes->data;
   PetscBool   heavier = PETSC_FALSE;
-  Vec         step;
 
   PetscFunctionBegin;
   PetscCall(VecCopy(path->u, snes->vec_sol));
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(DMGetGlobalVector(data->large.frame->turns->dm, &step));
-  PetscCall(VecCopy(path->ahead, step));
-  PetscCall(VecScale(step, first));
-  PetscCall(SNESLatinLargeDescend_Private(snes, step, &heavier, v, stable));
-  PetscCall(DMRestoreGlobalVector(data->large.frame->turns->dm, &step));
+  PetscCall(SNESLatinLargeDescend_Private(snes, PETSC_TRUE, &heavier, v, stable));
   if (!*stable) PetscFunctionReturn(0);
   PetscCall(SNESLatinLargeFrom_Private(snes, v, PETSC_TRUE, NULL));
   *stable = LatinNextConverged(data->next);
@@ -110,7 +105,7 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
   *beside = PETSC_MAX_REAL;
   PetscCall(VecWAXPY(v, more, path->ahead, path->u));
   PetscCall(VecAXPY(v, more * path->far + LATIN_BRANCH_DISTURBS * ((SNES_Latin *)snes->data)->large.size, mode));
-  PetscCall(LatinBranchSettle_Private(snes, path, ((SNES_Latin *)snes->data)->large.reached + more, more, v, &stable));
+  PetscCall(LatinBranchSettle_Private(snes, path, ((SNES_Latin *)snes->data)->large.reached + more, v, &stable));
   if (!stable) PetscFunctionReturn(0);
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
   PetscCall(VecNorm(path->step, NORM_INFINITY, beside));
@@ -147,7 +142,7 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
   PetscCall(LatinBranchKinks_Private(snes, path, v, &kinks));
   if (!kinks) PetscCall(LatinBranchMode_Private(snes, path, v));
   PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURBS * large->size, target->u));
-  PetscCall(LatinBranchSettle_Private(snes, path, target->part, PetscMin(more, LATIN_BRANCH_AHEAD), v, settles));
+  PetscCall(LatinBranchSettle_Private(snes, path, target->part, v, settles));
   if (*settles) PetscCall(VecCopy(v, target->u));
   PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
   PetscFunctionReturn(0);

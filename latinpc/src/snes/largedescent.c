@@ -30,7 +30,7 @@ typedef struct {
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
   PetscReal      times;        /* the loads act */
-  Vec            step;         /* length of the first step of a descent that is to stay near where it begins, with the operators there; NULL: any */
+  PetscBool      near;         /* it is to stay near where it begins, with the operators there */
   PC             pc;           /* these operators */
   Vec            start;        /* where it begins */
   PetscInt       most;         /* steps */
@@ -113,12 +113,12 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
   PetscCall(TaoGetSolutionStatus(tao, &it, NULL, &left, NULL, &radius, NULL));
   PetscCall(TaoGetSolution(tao, &x));
   PetscCall(VecNorm(x, NORM_2, &far));
-  if (descent->step) { /* the work vectors are free between evaluations */
+  if (descent->near) { /* the work vectors are free between evaluations */
     PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
     PetscCall(VecAXPY(descent->u, -1.0, descent->start));
     PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
   }
-  if (left <= LATIN_DESCENT_BALANCE * (descent->step ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  if (left <= LATIN_DESCENT_BALANCE * (descent->near ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
   else if (far > LATIN_LARGE_NOWHERE || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
@@ -156,20 +156,6 @@ static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
   PetscFunctionReturn(0);
 }
 
-/* The trust region of a descent that is to stay near: in the norm of the operators, which is about that of the tangent stiffness. Collective on tao */
-static PetscErrorCode LatinDescentRadius_Private(LatinDescent *descent, Tao tao, Mat A, Vec x)
-{
-  PetscScalar square;
-
-  PetscFunctionBegin;
-  PetscCall(LatinDescentTangent_Private(tao, x, A, A, descent));
-  PetscCall(VecPointwiseDivide(descent->u, descent->step, descent->weight));
-  PetscCall(MatMult(A, descent->u, descent->more));
-  PetscCall(VecDot(descent->u, descent->more, &square));
-  if (PetscRealPart(square) > 0.0) PetscCall(TaoSetInitialTrustRegionRadius(tao, PetscSqrtReal(PetscRealPart(square))));
-  PetscFunctionReturn(0);
-}
-
 /* TAO and what it needs. Collective on snes */
 static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
 {
@@ -192,11 +178,10 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscCall(KSPSetType(ksp, KSPSTCG));
   PetscCall(KSPSetTolerances(ksp, LATIN_DESCENT_RTOL, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, descent->step ? PCSHELL : PCNONE));
-  if (!descent->step) PetscFunctionReturn(0);
+  PetscCall(PCSetType(pc, descent->near ? PCSHELL : PCNONE));
+  if (!descent->near) PetscFunctionReturn(0);
   PetscCall(PCShellSetContext(pc, descent));
   PetscCall(PCShellSetApply(pc, LatinDescentPrecondition_Private));
-  PetscCall(LatinDescentRadius_Private(descent, *tao, A, x));
   PetscFunctionReturn(0);
 }
 
@@ -229,14 +214,14 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscCall(VecDuplicate(x, &start));
   PetscCall(VecCopy(x, start));
   descent->times = 1.0;
-  descent->most  = descent->step || heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
+  descent->most  = descent->near || heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
     if (!first) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
     PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
-    if (first && *reason == TAO_DIVERGED_MAXITS && !descent->step) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
+    if (first && *reason == TAO_DIVERGED_MAXITS && !descent->near) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
     if (taut) {
       PetscCall(VecPointwiseDivide(x, descent->u, descent->weight));
       *reason = TAO_CONVERGED_USER;
@@ -258,11 +243,11 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscFunctionReturn(0);
 }
 
-/* From u down to a state in balance under the loads of snes, if *rests; else u stays. step: its length where it is to stay near u, with the operators there are, NULL: any. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
-PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec step, PetscBool *heavier, Vec u, PetscBool *rests)
+/* From u down to a state in balance under the loads of snes, if *rests; else u stays. near: it is to stay near u, with the operators there are. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
+PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;
-  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .step = step};
+  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .near = near};
   PetscReal          loads;
   TaoConvergedReason reason;
   Tao                tao;
@@ -276,7 +261,7 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, Vec step, PetscBool *hea
   PetscCall(VecDuplicate(u, &descent.more));
   PetscCall(VecDuplicate(u, &descent.u));
   PetscCall(LatinDescentWeights_Private(&descent));
-  if (step) {
+  if (near) {
     PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
     PetscCall(KSPGetPC(ksp, &descent.pc));
     PetscCall(VecDuplicate(u, &descent.start));

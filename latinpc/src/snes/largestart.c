@@ -93,7 +93,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
 
   PetscFunctionBegin;
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(SNESLatinLargeDescend_Private(snes, NULL, &path->heavier, path->u, starts));
+  PetscCall(SNESLatinLargeDescend_Private(snes, PETSC_FALSE, &path->heavier, path->u, starts));
   if (*starts) {
     PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
     *starts = LatinNextConverged(data->next);
