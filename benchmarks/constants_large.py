@@ -188,10 +188,6 @@ LARGE = {
         "Of 150 tied arches with slack hangers 45 are refused with 200, 10 with 500, 4 with 1000, 3 with 2000; loose "
         "chains of 300 bars that nothing holds are refused after 1.3, 5, 20 and 40 s.",
     ),
-    "LATIN_DESCENT_NEAR": (
-        "times `LATIN_DESCENT_BALANCE`",
-        "What one of two crossed cables bears once both have slackened is small: with 1e-3 1 of 9 braced towers fails.",
-    ),
     "LATIN_DESCENT_AWAY": (
         "of the size",
         "A branch begins within a hundredth, a snap-through leaves at once: without, a bridge of 60 panels that buckles"

@@ -17,7 +17,6 @@
 #define LATIN_DESCENT_RADIUS  0.1                           /* of the size of the structure: the first step */
 #define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* of the stiffness times the size: forces that are left; Newton's method goes on from there */
 #define LATIN_DESCENT_RTOL    1e-3                          /* of a linear solve */
-#define LATIN_DESCENT_NEAR    1e-5                          /* times as little where the descent is to stay near: cables that both slacken differ by less from one that does not; with 1e-3 a tower fails */
 #define LATIN_DESCENT_SOON    30                            /* steps in which the loads themselves lead somewhere, or too slowly; with 200 rotations and units change which state towers find */
 #define LATIN_DESCENT_STEPS   1000                          /* most steps under heavier loads, and as these fall */
 #define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
@@ -118,7 +117,7 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
     PetscCall(VecAXPY(descent->u, -1.0, descent->start));
     PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
   }
-  if (left <= LATIN_DESCENT_BALANCE * (descent->near ? LATIN_DESCENT_NEAR : 1.0)) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  if (left <= LATIN_DESCENT_BALANCE) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
   else if (far > LATIN_LARGE_NOWHERE || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
