@@ -284,14 +284,6 @@ LARGE = {
         "linear stages",
         "An increment that takes longer is halved: with 100 a solve beyond a limit point takes more than 1000 stages.",
     ),
-    "LATIN_PATH_SOFTENED": (
-        "ratio",
-        "Without it a truss of two bars under twice its limit load snaps through.",
-    ),
-    "LATIN_PATH_JUMP": (
-        "of the displacements so far",
-        "The snap of that truss is four times as long; without it a link that tightens ends a path.",
-    ),
     "LATIN_PATH_NONE": ("of the size", "As `LATIN_LARGE_NONE`."),
     "LATIN_INTERIOR_MOST": (
         "steps",

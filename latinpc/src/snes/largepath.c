@@ -18,17 +18,14 @@
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
    and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once, and what sags stiffens
-   as the cube of its displacements. But not where no link tightens and forces fall on the way, a snap under less than the least increment; nor
-   where the path has softened, as before a limit point, and a small one moves the structure far. Where a cable
+   as the cube of its displacements. But not where no link tightens and forces fall on the way, a snap under less than the least increment. Where a cable
    slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than twice only
    in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
 #define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
-#define LATIN_PATH_JUMP      0.1  /* times the displacements so far: there such an increment may move the structure no further */
 #define LATIN_PATH_HALVES    12   /* points of an increment, each half as far as the one before: a snap may be shorter by so many powers of two */
 #define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
-#define LATIN_PATH_SOFTENED  10.0 /* times the least displacements by the tangent stiffness so far: softer, it is near a limit point, next to which any snap would be a cable that tightens */
 #define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 
@@ -85,7 +82,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   if (within) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
     if (within) PetscCall(LatinPathNodes_Private(structure, change, target->ahead, NULL, little, &within));
-    if (!within && more <= LATIN_PATH_STIFFENS && !(path->far > LATIN_PATH_SOFTENED * path->firm && step > LATIN_PATH_JUMP * size)) {
+    if (!within && more <= LATIN_PATH_STIFFENS) {
       PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &within));
       if (!within) PetscCall(LatinPathRises_Private(structure, path->u, target->u, change, &within));
     }
@@ -220,7 +217,6 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   PetscCall(VecCopy(target->ahead, path->ahead));
   path->failed = PETSC_MAX_REAL;
   path->far    = target->far;
-  path->firm   = PetscMin(path->firm, path->far);
   PetscFunctionReturn(0);
 }
 
@@ -310,10 +306,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
 
   PetscFunctionBegin;
   while (goes) {
-    if (from) {
-      PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
-      path->firm = path->far;
-    }
+    if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
     PetscCall(LatinPathIncrements_Private(snes, path));
     if (data->next == LATIN_NEXT_GIVEN || !path->targets) PetscFunctionReturn(0);
     goes = from = PETSC_FALSE;

@@ -19,8 +19,8 @@ typedef struct {
 /* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
 typedef struct {
   Vec             first, whole, u, ahead, more, step;
-  PetscReal       far, firm; /* l2 norm of ahead, the least one of all equilibria so far */
-  PetscReal       failed;    /* the least increment from u that Newton's method failed at */
+  PetscReal       far;    /* l2 norm of ahead */
+  PetscReal       failed; /* the least increment from u that Newton's method failed at */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
