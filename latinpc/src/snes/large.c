@@ -67,39 +67,21 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
 
 /*
    Do operators made at the present displacements pay? They do where more linear stages are left, at the rate of the last
-   window, than a set-up costs; what is left is the way to what the stop asks for, or to where Newton's method takes over. And
-   where cables have become slack that the operators have as taut: the rate does not show yet that displacements held by such a
-   cable creep, and saddles that take 25 to 60 stages with new operators take more than 120 without. To be called once a
-   stage. Collective on snes
+   window, than a set-up costs; what is left is the way to what the stop asks for, or to where Newton's method takes over. To be
+   called once a stage. Not collective
 */
-static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, PetscReal goal, PetscBool *due)
+static PetscBool LatinLargeDue(LatinLarge *large, PetscReal measure, PetscReal goal)
 {
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  LatinLarge *large = &data->large;
-  PetscInt    slack = 0, links = large->frame->turns->links_local;
-  PetscReal   gain, left, *at;
-  Vec         u;
+  PetscReal gain, left;
 
-  PetscFunctionBegin;
-  *due         = PETSC_FALSE;
   large->least = PetscMin(large->least, measure);
-  if (++large->stages < large->window) PetscFunctionReturn(0);
+  if (++large->stages < large->window) return PETSC_FALSE;
   gain          = PetscLogReal(large->before / large->least);
   left          = PetscLogReal(large->least / goal);
   large->before = PetscMin(large->before, large->least);
   large->least  = PETSC_MAX_REAL;
   large->stages = 0;
-  if (!large->renewals && !large->frame->turns->midpoint) { /* masses hold what slack cables do not */
-    PetscCall(PetscMalloc1(2 * links, &at));
-    PetscCall(DMGetGlobalVector(large->frame->dm, &u));
-    PetscCall(LatinAverage_Private(&data->latin->linear, u));
-    PetscCall(LatinTurningAhead_Private(large->frame->turns, u, NULL, u, 0.0, at, at + links));
-    PetscCall(LatinFrameChanged_Private(large->frame, at + links, &slack));
-    PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
-    PetscCall(PetscFree(at));
-  }
-  *due = (PetscBool)(slack || (left > 0.0 && large->window * left > large->cost * gain));
-  PetscFunctionReturn(0);
+  return (PetscBool)(left > 0.0 && large->window * left > large->cost * gain);
 }
 
 /* Has the iteration come to rest but for rounding: do stages change little, and not halve the measure of the stop? Once a stage */
@@ -127,7 +109,6 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   LatinLarge        *large  = &data->large;
   const LatinLinear *linear = &data->latin->linear;
   const PetscBool    proves = SNESLatinLargeProves(data), rests = (PetscBool)(linear->distance <= linear->noise);
-  PetscBool          due;
 
   PetscFunctionBegin;
   if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
@@ -144,10 +125,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   }
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
   if (*next == LATIN_NEXT_CONTINUE && (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
-  if (*next == LATIN_NEXT_CONTINUE) {
-    PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
-    if (due) *next = LATIN_NEXT_REBUILD;
-  }
+  if (*next == LATIN_NEXT_CONTINUE && LatinLargeDue(large, measure, proves ? large->near : target)) *next = LATIN_NEXT_REBUILD;
   PetscFunctionReturn(0);
 }
 
