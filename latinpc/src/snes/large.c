@@ -20,8 +20,8 @@
 #define LATIN_LARGE_REST       LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
 #define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
 #define LATIN_LARGE_PATIENCE   500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
-#define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces or the links that change have halved */
-#define LATIN_LARGE_CREEPS     0.9 /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far, and links that change are not counted */
+#define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces have halved */
+#define LATIN_LARGE_CREEPS     0.9 /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far */
 
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
@@ -263,24 +263,18 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 }
 
 /*
-   Does Newton's method stagnate? It does if, since some set-ups, neither the unbalanced forces nor the number of links that change have fallen enough; `least` has the least of
-   both after each of the last set-ups, k is this one. Not collective
+   Does Newton's method stagnate? It does if, since some set-ups, the unbalanced forces have not fallen enough; `least` has the least of
+   them after each of the last set-ups, k is this one. Not collective
 */
-static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[][2])
+static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
-  const PetscReal now[2] = {PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force, (PetscReal)large->changed}, enough[2] = {large->balance, 0.0};
-  const PetscBool near      = (PetscBool) !!large->frame->turns->strain;
-  const PetscReal part      = near || large->frame->turns->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
-  PetscBool       stagnates = PETSC_TRUE;
+  const PetscReal now    = PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force;
+  const PetscReal part   = large->frame->turns->strain || large->frame->turns->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
+  PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION];
+  const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
 
-  for (PetscInt i = 0; i < (near ? 2 : 1); i++) {
-    PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION][i];
-    const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
-
-    *here = k ? PetscMin(now[i], least[(k - 1) % LATIN_LARGE_STAGNATION][i]) : now[i];
-    if (*here <= PetscMax(part * before, enough[i])) stagnates = PETSC_FALSE;
-  }
-  return stagnates;
+  *here = k ? PetscMin(now, least[(k - 1) % LATIN_LARGE_STAGNATION]) : now;
+  return (PetscBool)(*here > PetscMax(part * before, large->balance));
 }
 
 /* The norm of the unbalanced forces at the displacements u, before tensions go ahead. Collective on snes */
@@ -305,7 +299,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
   PetscInt    steps = 1;
-  PetscReal   least[LATIN_LARGE_STAGNATION][2];
+  PetscReal   least[LATIN_LARGE_STAGNATION];
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
