@@ -106,7 +106,7 @@ static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrame
   *k = PetscMax(link->k, least);
   if (LatinStructureKeeps(frame->turns, l)) *c = floor;
   else if (link->k > 0.0 && link->across < 0.0) *c = firm || frame->turns->midpoint ? floor : link->across;
-  else *c = PetscMin(frame->turns->slope || frame->turns->midpoint ? PETSC_MAX_REAL : *k, PetscMax(least, link->across));
+  else *c = PetscMax(least, link->across);
 }
 
 /* The search direction (k, c) of link l */
