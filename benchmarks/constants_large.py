@@ -284,7 +284,6 @@ LARGE = {
         "linear stages",
         "An increment that takes longer is halved: with 100 a solve beyond a limit point takes more than 1000 stages.",
     ),
-    "LATIN_PATH_NONE": ("of the size", "As `LATIN_LARGE_NONE`."),
     "LATIN_INTERIOR_MOST": (
         "steps",
         "Ends a method that takes 8 to 20 steps, on grids and nets of 621 to 24,000 unknowns.",

@@ -9,7 +9,7 @@ PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, Pets
 
   PetscFunctionBegin;
   PetscCall(VecNorm(u, NORM_INFINITY, &near));
-  near = PetscMax(data->target * near, LATIN_PATH_NONE * data->large.size);
+  near = PetscMax(data->target * near, LATIN_LARGE_NONE * data->large.size);
   PetscCall(PetscMalloc1(2 * structure->links_local, &at));
   PetscCall(LatinTurningAhead_Private(structure, u, NULL, u, 0.0, at, at + structure->links_local));
   for (PetscInt l = 0; l < structure->links_local; l++) {

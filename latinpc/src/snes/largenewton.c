@@ -30,7 +30,6 @@
 #define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
 #define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions, each by the size over its length: rounding of forces */
-#define LATIN_LARGE_NONE    1e-9 /* of the size of the structure: displacements that leave no more than that are none */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
 #define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM, of the largest stiffness: a stiffness that is less is what rounding makes of none */
 

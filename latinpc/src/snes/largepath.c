@@ -74,7 +74,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   PetscCall(VecScale(change, 1.0 / more));
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
-  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
+  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_LARGE_NONE * data->large.size) / more;
   PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
   if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within)); /* a law with its kink where the path starts: the end says it all */
   target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
@@ -150,7 +150,7 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 {
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.reached;
-  PetscReal        corrected, none = LATIN_PATH_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, where nothing more acts */
+  PetscReal        corrected, none = LATIN_LARGE_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, where nothing more acts */
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;

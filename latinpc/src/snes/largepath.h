@@ -7,7 +7,6 @@
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_TARGETS  16   /* each at most half as far as the one before, and none closer than the least increment */
-#define LATIN_PATH_NONE     1e-9 /* of the size of the structure: displacements that are none */
 
 /* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; `stable`: u is; `other`: u is further than any path leads, on another one; `passed`: too far to be sought */
 typedef struct {

@@ -132,6 +132,7 @@ PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, Pet
 #define LATIN_LARGE_HOLD   0.3  /* stiffness of slack cables, relative to the mean tension over length, per relative step; with 0.1 and 1 masts take more stages */
 #define LATIN_LARGE_HELD   0.03 /* the same with linearised laws; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
 #define LATIN_LARGE_SAFETY 4.0  /* safety factor on the error after a step */
+#define LATIN_LARGE_NONE   1e-9 /* of the size of the structure: displacements that are none */
 /* Moving supports along a load path (snes/largesupports.c) */
 typedef struct {
   PetscBool  moves;                       /* supports move; else the members below are unset */
