@@ -64,6 +64,63 @@ def tied_arch(seed):
     )  # fmt: skip
 
 
+def wheel(sectors, lost):
+    """A ring that upper and lower spokes press, and two rings of cables that they pull. One spoke is lost."""
+    angle = 2.0 * np.pi * np.arange(sectors) / sectors
+    ring = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    nodes = np.concatenate([50.0 * ring, 15.0 * ring + [0, 0, 5], 15.0 * ring - [0, 0, 5], 55.0 * ring])
+    i = np.arange(sectors)
+    pairs = [(i, np.roll(i, -1)), (i, sectors + i), (i, 2 * sectors + i)]
+    pairs += [(k * sectors + i, k * sectors + np.roll(i, -1)) for k in (1, 2)]
+    pairs += [(sectors + i, 2 * sectors + i), (i, 3 * sectors + i)]
+    links = np.concatenate([np.stack(pair, axis=1) for pair in pairs])
+    far, length = np.hypot(35.0, 5.0), np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
+    hoop = 1e5 * 35.0 / far / (2.0 * np.sin(np.pi / sectors))
+    tension = np.repeat([-2.0 * hoop, 1e5, 1e5, hoop, hoop, -1e5 * 5.0 / far, 0.0], sectors)
+    EA = np.repeat([3e9, 2e8, 2e8, 8e8, 8e8, 1e9, 1e6], sectors)
+    natural = length / (1.0 + tension / EA)
+    elongation = length - natural
+    elongation[lost * sectors] = -100.0
+    fixed, load = np.zeros((4 * sectors, 3), bool), np.zeros((4 * sectors, 3))
+    fixed[:sectors, 2] = fixed[3 * sectors :] = fixed[0] = True
+    load[sectors : 2 * sectors, 2] = -0.3e5 * 5.0 / far
+    law = np.repeat(["bar", "cable", "cable", "cable", "cable", "bar", "bar"], sectors)
+    return latinpc.Structure(
+        nodes, links, law, stiffness=EA / natural, initial_elongation=elongation, fixed=fixed, load=load,
+        geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def bridge(panels, weight, longer, EA=None):
+    """A suspension bridge whose deck of hinged bars hangs by cables longer than drawn; EA None: they do not stretch."""
+    x = np.linspace(0.0, 100.0, panels + 1)
+    nodes = np.concatenate([np.stack([x, 40.0 * (x / 100.0 - 0.5) ** 2 + 4.0], 1), np.stack([x, 0.0 * x], 1)])
+    i, deck = np.arange(panels), panels + 1
+    links = np.concatenate(
+        [np.stack([i, i + 1], 1), np.stack([i, deck + i], 1)[1:], np.stack([deck + i, deck + i + 1], 1)]
+    )
+    cable = np.arange(len(links)) < 2 * panels - 1
+    length = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
+    fixed, load = np.zeros(nodes.shape, bool), np.zeros(nodes.shape)
+    fixed[[0, panels, deck, deck + panels]] = True
+    load[deck + 1 : -1, 1] = -weight * (1.0 + 0.9 * np.sin(3.0 * np.arange(deck + 1, deck + panels)))
+    return latinpc.Structure(
+        nodes, links, np.where(cable, "cable" if EA else "inextensible", "bar"),
+        stiffness=np.where(cable, EA or 0.0, 1e9) / length, initial_elongation=np.where(cable, -longer * length, 0.0),
+        fixed=fixed, load=load, geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+
+
+def least(structure, found, size=1e-3):
+    """No displacement close by has less energy."""
+    u, rng = structure.create_vec(), np.random.default_rng(0)
+    structure.set_displacements(found.displacements, u)
+    energy, free = structure.energy(u), ~np.asarray(structure.fixed, bool)
+    for _ in range(50):
+        structure.set_displacements(found.displacements + size * free * rng.normal(size=free.shape), u)
+        assert structure.energy(u) > energy
+
+
 def pendulum(load, short, pulled=None):
     """A hinged bar, and a cable that bears nothing once it has swung the bar up; and a strut that a load may pull."""
     return latinpc.Structure(
@@ -159,3 +216,23 @@ def test_what_rounding_leaves_without_loads_is_no_part_of_them(load):
     found = pendulum(load, 0.4, pulled=1.0).solve()
     assert not found.converged
     assert found.report["load_factor"] == 0.0
+
+
+# ---- loads alone hold the structure: a narrow valley of the energy, in which cables slacken and tighten ----
+@pytest.mark.parametrize("sectors, lost", [(6, 1), (6, 2), (8, 1), (12, 2)])
+def test_a_spoked_wheel_that_loses_a_spoke_finds_another_shape(sectors, lost):
+    structure = wheel(sectors, lost)
+    found = structure.solve()
+    assert found.converged
+    assert np.abs(found.displacements).max() > 1.0
+    least(structure, found)
+
+
+@pytest.mark.parametrize("panels, weight", [(4, 5e4), (6, 3e4), (8, 3e4)])
+def test_a_bridge_that_its_weight_alone_holds(panels, weight):
+    """Of cables that do not stretch: the limit of stiff ones."""
+    structure = bridge(panels, weight, 0.01, EA=1e11)
+    stiff, rigid = structure.solve(), bridge(panels, weight, 0.01).solve()
+    assert stiff.converged and rigid.converged
+    least(structure, stiff)
+    assert rigid.displacements == pytest.approx(stiff.displacements, abs=1e-3)

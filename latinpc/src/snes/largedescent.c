@@ -7,7 +7,8 @@
    iterates move away from the drawing without bound, the structure has no stable state.
 
    The unknowns are displacements over the size of the structure, each scaled by the root of the stiffness of the links at its node: units,
-   rotations and subdomains do not change the result. There is no other preconditioner, whose subdomains would shape the trust region.
+   rotations and subdomains do not change the result. There is no other preconditioner at first, whose subdomains would shape the trust region. But in a narrow valley
+   in which cables slacken and tighten steps then become too short: last the operators of Newton's method precondition, which let steps be as long as links give.
 
    If the loads are small beside the stiffness, the energy has a narrow valley, in which all steps are short. Where loads pull bars tight these are solved
    for as cables, whose energy is convex (snes/largeconvex.c). Else larger loads lead to the same
@@ -24,6 +25,7 @@
 #define LATIN_DESCENT_AWAY    0.05                          /* of the size of the structure: further from where a descent is to stay near it snaps through */
 
 typedef struct {
+  SNES           snes;
   LatinStructure structure;
   Vec            load, weight; /* the loads, those of snes included; what an unknown is as displacement: the size times the root of the mean stiffness over that at the node */
   Vec            u, more;      /* work vectors */
@@ -34,6 +36,7 @@ typedef struct {
   Vec            start;        /* where it begins */
   PetscInt       most;         /* steps */
   PetscBool      tried;        /* heavier loads have been */
+  PetscBool      renews;       /* the operators are made anew for each step */
 } LatinDescent;
 
 /* Weights of the displacements of each node, the mean stiffness. Collective on descent->structure */
@@ -87,12 +90,19 @@ static PetscErrorCode LatinDescentEnergy_Private(Tao tao, Vec x, PetscReal *ener
 
 static PetscErrorCode LatinDescentTangent_Private(Tao tao, Vec x, Mat A, Mat P, void *ctx)
 {
-  const LatinDescent *descent = (LatinDescent *)ctx;
+  LatinDescent *descent = (LatinDescent *)ctx;
+  KSP           ksp;
 
   PetscFunctionBegin;
   (void)tao;
   (void)P;
   PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+  if (descent->renews) {
+    PetscCall(VecCopy(descent->u, descent->snes->vec_sol));
+    PetscCall(SNESLatinLargeRenew_Private(descent->snes, LATIN_FRAME_TANGENT));
+    PetscCall(SNESLatinLargeTangent_Private(descent->snes, descent->u, &ksp));
+    PetscCall(KSPGetPC(ksp, &descent->pc));
+  }
   PetscCall(LatinTurningMatCompute_Private(descent->structure, descent->u, A));
   PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY)); /* without the weights of the last step */
   PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
@@ -155,6 +165,21 @@ static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
   PetscFunctionReturn(0);
 }
 
+/* These operators precondition the linear solves, and give the trust region its norm. Collective on tao */
+static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent, Tao tao)
+{
+  KSP ksp;
+  PC  pc;
+
+  PetscFunctionBegin;
+  PetscCall(TaoGetKSP(tao, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCSHELL));
+  PetscCall(PCShellSetContext(pc, descent));
+  PetscCall(PCShellSetApply(pc, LatinDescentPrecondition_Private));
+  PetscFunctionReturn(0);
+}
+
 /* TAO and what it needs. Collective on snes */
 static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
 {
@@ -177,10 +202,8 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscCall(KSPSetType(ksp, KSPSTCG));
   PetscCall(KSPSetTolerances(ksp, LATIN_DESCENT_RTOL, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, descent->near ? PCSHELL : PCNONE));
-  if (!descent->near) PetscFunctionReturn(0);
-  PetscCall(PCShellSetContext(pc, descent));
-  PetscCall(PCShellSetApply(pc, LatinDescentPrecondition_Private));
+  PetscCall(PCSetType(pc, PCNONE));
+  if (descent->near) PetscCall(LatinDescentOperators_Private(descent, *tao));
   PetscFunctionReturn(0);
 }
 
@@ -201,11 +224,12 @@ static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec
 
 /*
    Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, heavier ones are tried, if any, the heaviest first, and lighter ones
-   where these lead away; from what is found they fall. Heavier ones may have snapped the structure through: where that is up the energy, the loads themselves get as many steps. *reason: of the last descent. Collective on snes
+   where these lead away; from what is found they fall. Heavier ones may have snapped the structure through: where that is up the energy, the loads themselves get as many steps. Where these do
+   not suffice, or nothing is found as loads fall, they get as many with operators made anew for each. heaviest: 0 without loads. *reason: of the last descent. Collective on snes
 */
 static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
 {
-  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE, up = PETSC_FALSE;
+  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE, again = PETSC_FALSE;
   PetscInt  steps;
   Vec       start;
 
@@ -215,22 +239,26 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   descent->times = 1.0;
   descent->most  = descent->near || heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
-    if (!first) descent->tried = PETSC_TRUE;
+    if (descent->times > 1.0) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
     PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
-    if (first && *reason == TAO_DIVERGED_MAXITS && !descent->near) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
+    if (first && heaviest > 0.0 && *reason == TAO_DIVERGED_MAXITS && !descent->near) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
     if (taut) {
       PetscCall(VecPointwiseDivide(x, descent->u, descent->weight));
       *reason = TAO_CONVERGED_USER;
       break;
     }
     done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS || heaviest <= 1.0 : descent->times == 1.0 || (falls && *reason < 0));
-    if (done && !first && !up && *reason > 0) {
-      PetscCall(LatinDescentUp_Private(tao, descent, start, x, &up));
-      if (up) PetscCall(VecCopy(start, x));
-      done = (PetscBool)!up;
+    if (done && heaviest > 0.0 && !descent->near && !descent->renews) {
+      descent->renews = (PetscBool)(*reason == TAO_DIVERGED_MAXITS || (*reason < 0 && descent->times > 1.0));
+      if (descent->renews) PetscCall(LatinDescentOperators_Private(descent, tao));
+      else if (*reason > 0 && !first && !again) PetscCall(LatinDescentUp_Private(tao, descent, start, x, &again));
+      else again = PETSC_FALSE;
+      done = (PetscBool) !(again || descent->renews);
+      if (!done) PetscCall(VecCopy(start, x));
+      if (!done) descent->times = 1.0;
     }
     if (*reason > 0) falls = PETSC_TRUE;
     else PetscCall(VecCopy(start, x));
@@ -246,7 +274,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
 PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;
-  LatinDescent       descent = {.structure = large->frame->turns, .size = large->size, .near = near};
+  LatinDescent       descent = {.snes = snes, .structure = large->frame->turns, .size = large->size, .near = near};
   PetscReal          loads;
   TaoConvergedReason reason;
   Tao                tao;
@@ -271,7 +299,7 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBoo
   PetscCall(VecNorm(x, NORM_2, &loads));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));
   PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
-  PetscCall(LatinDescentRun_Private(snes, tao, &descent, *heavier && loads > 0.0 ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
+  PetscCall(LatinDescentRun_Private(snes, tao, &descent, !(loads > 0.0) ? 0.0 : *heavier ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
   PetscCall(VecPointwiseMult(u, descent.weight, x));
   *rests = (PetscBool)(reason > 0);
   if (descent.tried) *heavier = PETSC_FALSE;
