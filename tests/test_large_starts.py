@@ -236,3 +236,22 @@ def test_a_bridge_that_its_weight_alone_holds(panels, weight):
     assert stiff.converged and rigid.converged
     least(structure, stiff)
     assert rigid.displacements == pytest.approx(stiff.displacements, abs=1e-3)
+
+
+def test_a_node_on_slack_cables_does_not_keep_a_path_from_its_start():
+    """A von Mises truss, and beside it a node that nothing loads, between two cables longer than drawn."""
+    fixed = np.repeat([[True], [True], [False], [True], [False]], 2, axis=1)
+    forces = np.zeros((5, 2))
+    forces[2, 1] = -50.0
+    beside = latinpc.Structure(
+        [[-1, 0], [1, 0], [0, 0.3], [-2, 0], [-1.5, -0.5]], [[0, 2], [1, 2], [3, 4], [0, 4]],
+        ["bar", "bar", "cable", "cable"], 1e4, fixed=fixed, initial_elongation=[0.0, 0.0, -0.1, -0.1],
+        load=forces, geometry="large", comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    found = beside.solve()
+    alone = latinpc.Structure(
+        beside.nodes[:3], [[0, 2], [1, 2]], "bar", 1e4, fixed=fixed[:3], load=forces[:3],
+        geometry="large", comm=PETSc.COMM_SELF,
+    ).solve()  # fmt: skip
+    assert found.converged and alone.converged
+    assert found.displacements[2] == pytest.approx(alone.displacements[2], rel=1e-8, abs=1e-12)
