@@ -181,3 +181,28 @@ def test_whatever_stops_the_solve(stop):
     assert np.abs(found.displacements - path.displacements).max() < (1e-4 if stop == "loose" else 1e-6)
     if stop == "residual":
         assert found.largest_unbalance < 2e-6 * np.linalg.norm(drawn["load"])
+
+
+@pytest.mark.parametrize("seed", [1, 9, 12])
+def test_a_limit_is_the_same_whatever_the_whole_loads(seed):
+    """Cables slacken together where the shell snaps: a stable state as far beyond under fewer loads is no branch."""
+    rng, i = np.random.default_rng(seed), np.indices((7, 7)).reshape(2, -1).T
+    x, rim = i / 6.0, ((i == 0) | (i == 6)).any(axis=1)
+    nodes = np.column_stack([20.0 * x, 18.0 * x[:, 0] * (1.0 - x[:, 0])])
+    nodes[~rim] += rng.normal(0.0, 0.1, (len(i), 3))[~rim]
+    number = np.arange(len(i)).reshape(7, 7)
+    pairs = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]
+    pairs += [(number[:-1, :-1], number[1:, 1:]), (number[1:, :-1], number[:-1, 1:])]
+    links = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in pairs])
+    cable = np.arange(len(links)) >= 84
+    load = np.where(rim[:, None], 0.0, [0.0, 0.0, -1.0]) * rng.uniform(0.7, 1.3, (len(i), 1))
+    shell = latinpc.Structure(
+        nodes, links, np.where(cable, "cable", "bar"), EA=np.where(cable, 5e5, 4e6), load=load,
+        prestress=np.where(cable, 800.0, 0.0), fixed=np.repeat(rim[:, None], 3, 1), geometry="large",
+        comm=PETSc.COMM_SELF,
+    )  # fmt: skip
+    borne = []
+    for times in (300.0, 550.0, 700.0):
+        shell.set_load(times * load)
+        borne.append(times * shell.solve().report["load_factor"])
+    assert borne == pytest.approx([borne[0]] * 3, rel=1e-3)

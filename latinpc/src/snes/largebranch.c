@@ -4,7 +4,7 @@
    Where the path of the loads branches. Crossed cables of a panel that slacken together leave the symmetric panel unstable: it shears a little until one of
    them tightens, and the path goes on. A symmetric structure that buckles goes on to one side or the other: the path ends, and the caller is told, who
    chooses a side by loads or an imperfection. Both are sought down the energy, from the last stable equilibrium, disturbed, under slightly more loads, and
-   under a part of these. Along a branch displacements grow from none with the loads; a snap-through leads equally far under either.
+   under a part of these. Along a branch displacements grow from none with the loads; a snap-through leads equally far under either, and no less far under the loads of the try before.
 */
 
 #define LATIN_BRANCH_AHEAD    (16.0 * LATIN_PATH_LEAST) /* of the loads: the step onto a branch */
@@ -112,8 +112,11 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
   PetscFunctionReturn(0);
 }
 
-/* Does a branch begin at path->u, along the mode? Then v is on it, under `more` of the path; *linear: displacements grow as the loads, as of a panel that shears, not as their root, as of what buckles. Collective on snes */
-static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, Vec v, PetscBool *begins, PetscBool *linear)
+/*
+   Does a branch begin at path->u, along the mode? Then v is on it, under `more` of the path; *linear: displacements grow as the loads, as of a panel that shears, not as their root, as of what buckles.
+   past: how far it was under the loads of the last try, 0: not found. *far: how far it is, without bound if there is none. Collective on snes
+*/
+static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, PetscReal past, Vec v, PetscBool *begins, PetscBool *linear, PetscReal *far)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
   PetscReal         less, beside = PETSC_MAX_REAL;
@@ -122,7 +125,8 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
   PetscCall(LatinBranchSeek_Private(snes, path, mode, more / LATIN_BRANCH_LESS, v, &less));
   if (less < PETSC_MAX_REAL) PetscCall(LatinBranchSeek_Private(snes, path, mode, more, v, &beside));
   *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside && less * LATIN_BRANCH_LESS * LATIN_BRANCH_LESS >= beside * LATIN_BRANCH_LINEAR);
-  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside);
+  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside && past <= LATIN_BRANCH_NEARER * less);
+  *far    = beside;
   PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
   PetscFunctionReturn(0);
 }
@@ -153,7 +157,7 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
 {
   LatinLarge *large = &((SNES_Latin *)snes->data)->large;
   PetscBool   kinks, linear = PETSC_FALSE, begins = PETSC_FALSE;
-  PetscReal   more = 0.0;
+  PetscReal   more = 0.0, past = 0.0, far = PETSC_MAX_REAL;
   Vec         v, mode[2];
 
   PetscFunctionBegin;
@@ -164,11 +168,15 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
   PetscCall(LatinBranchKinks_Private(snes, path, mode[0], &kinks));
   PetscCall(LatinBranchMode_Private(snes, path, mode[1]));
   for (PetscInt k = 0; k < (kinks ? LATIN_BRANCH_TRIES : 1) && !begins && more < 1.0 - large->reached; k++) {
+    PetscReal nearest = PETSC_MAX_REAL;
+
     more = PetscMin(k ? LATIN_BRANCH_FURTHER * more : LATIN_BRANCH_AHEAD, 1.0 - large->reached);
     for (PetscInt i = kinks ? 0 : 1; i < 2 && !begins; i++) {
-      PetscCall(LatinBranchBegins_Private(snes, path, mode[i], more, v, &begins, &linear));
+      PetscCall(LatinBranchBegins_Private(snes, path, mode[i], more, past, v, &begins, &linear, &far));
       if (k) begins = (PetscBool)(begins && linear);
+      nearest = PetscMin(nearest, far);
     }
+    past = nearest < PETSC_MAX_REAL ? nearest : 0.0;
   }
   *goes = (PetscBool)(begins && linear);
   if (begins && !*goes) large->branch = large->reached;
