@@ -325,6 +325,26 @@ def test_a_net_lies_on_the_floor_with_all_its_cables_slack(longer, newton, floor
     assert result.displacements[free, 2] == pytest.approx(-gap - (1e-3 if soft else 0.0), abs=1e-4)
 
 
+def test_springs_bear_what_slack_cables_that_do_not_stretch_leave():
+    """Each node sinks by its weight over its spring, and few linear stages show it."""
+    above = net(10, 0.0, [0.0, 0.0, -1.0])
+    free = np.flatnonzero(~above["fixed"][:, 0])
+    count, cables = len(free), len(above["links"])
+    structure = {
+        "nodes": np.concatenate([above["nodes"], above["nodes"][free] - [0.3, 0.0, 1.0]]),
+        "links": np.concatenate([above["links"], np.column_stack([len(above["nodes"]) + np.arange(count), free])]),
+        "law": ["inextensible"] * cables + ["bar"] * count,
+        "stiffness": np.repeat([0.0, 1e3], [cables, count]),
+        "initial_elongation": np.repeat([-0.05, 0.0], [cables, count]),
+        "fixed": np.concatenate([above["fixed"], np.ones((count, 3), bool)]),
+        "load": np.concatenate([above["load"], np.zeros((count, 3))]),
+        "direction": np.repeat([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [cables, count], axis=0),
+    }
+    result = latinpc.Structure(**structure, geometry="large").solve()
+    assert result.converged and result.iterations < 200
+    assert result.displacements[free, 2] == pytest.approx(-1e-3, rel=1e-3)
+
+
 @pytest.mark.parametrize("EA", [1e4, np.inf])
 @pytest.mark.parametrize("law", ["contact", "compression_only"])
 @pytest.mark.parametrize("below", [2.0, 100.0])

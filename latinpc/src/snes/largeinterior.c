@@ -48,7 +48,7 @@ typedef struct {
   PetscReal     *dt, *ds;      /* of a step */
   PetscBool     *held;         /* between prescribed displacements */
   Vec            du, r, other; /* of a step, its right-hand side; another step */
-  PetscReal      links, whole; /* unilateral links on all ranks, sum of their tensions times lengths, a contact as long as the structure, or one that bears all the loads would leave none */
+  PetscReal      links, whole; /* unilateral links on all ranks; sum of tensions times lengths, one that keeps its direction as long as the structure: contacts or springs that bear all the loads would leave none */
   PetscReal      mean, reach;  /* of t s; part of the step that moves no link too far */
   PetscReal      force;        /* a tension */
   PetscBool      rigid;        /* there are links that do not stretch */
@@ -320,10 +320,10 @@ static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *poi
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
+    sum[1] += PetscAbsReal(point->t[l]) * (LatinStructureKeeps(structure, l) ? ((SNES_Latin *)snes->data)->large.size : point->length[l]);
     if (point->s[l] == 0.0) continue;
     most = PetscMax(most, LatinInteriorStiffness(point, l, point->t[l]) * (LatinStructureKeeps(structure, l) ? 0.0 : point->length[l]));
     sum[0] += point->t[l];
-    sum[1] += point->t[l] * (LatinStructureKeeps(structure, l) ? ((SNES_Latin *)snes->data)->large.size : point->length[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)snes)));
