@@ -5,7 +5,8 @@
    Substructuring: all interfaces are primal and the local solver is the default. The interior of each subdomain is eliminated
    once; H is its Schur complement on the interfaces. A linear stage is one solve: forward substitution condenses the forces
    on the interfaces, the coarse problem gives the displacements there, backward substitution those of the interior.
-   No dense matrix is kept: H is added to the coarse matrix.
+   No dense matrix is kept: H is added to the coarse matrix. The same substitutions serve subdomains with macro fields whose factors keep
+   the primal rows.
 */
 
 PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batch, Mat *F)
