@@ -69,7 +69,7 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
     for name in methods:
         if METHODS[name].kind == "linear" and not (bars and linear):
             raise ValueError(
-                f"{name} solves structures of bars alone, in linear geometry, and {scene.name} is none: take truss-grid"
+                f"{name} solves structures of bars alone, in linear geometry; {scene.name} is not one: take truss-grid"
             )
         if METHODS[name].kind == "qp" and not linear:
             raise ValueError(f"{name} solves structures in linear geometry alone: leave it out of --methods")

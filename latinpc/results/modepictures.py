@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from .atomic import atomic
-from .drawing import axes_2d, axes_3d, draw_links, new_figure, plane_points
+from .drawing import axes_for, draw_links, new_figure, plane_points
 from .look import GHOST_COLOUR
 from .mechanics import slack
 
@@ -80,11 +80,7 @@ def _panel(figure, rectangle, modes, mode, amplitude):
     far = FAR * np.ptp(state, axis=0).max()
     moved = state + amplitude * far * shape
     points = np.vstack([state + far * shape, state - far * shape])  # one place for all frames
-    axes = (
-        axes_2d(figure, rectangle, points)
-        if state.shape[1] == 2
-        else axes_3d(figure, rectangle, points, fill=1.0, gaps=())
-    )
+    axes = axes_for(figure, rectangle, points, fill=1.0, gaps=())
     axes.set_axis_off()
     thin = float(np.clip(30.0 / np.sqrt(len(links)), 0.3, 1.3))
     loose = slack(structure, modes.tensions)
