@@ -181,7 +181,7 @@ def test_massless_nodes_out_of_balance_are_told():
     assert move(replace(scene, mass=mass, load=0.0 * scene.load), 1, 1e-3).notices == []
 
 
-def test_a_step_that_fails_names_massless_nodes_that_no_link_holds():
+def test_steps_that_fail_name_massless_nodes_that_no_link_holds():
     """Masses that two cables pull against a strut; once they slacken, the knot between them may be anywhere."""
     nodes = [[0.0, 0.0], [1.0, 0.0], [0.2, 0.5], [0.2, -0.5], [-0.8, 0.5], [-0.8, -0.5]]
     pull = 25.0 / 0.8 * np.hypot(0.8, 0.5)
@@ -190,11 +190,16 @@ def test_a_step_that_fails_names_massless_nodes_that_no_link_holds():
         [1e4, 1e3, 1e3, 1e3, 1e3], prestress=[-50.0, pull, pull, 0.0, 0.0], geometry="large",
         fixed=[[1, 1], [0, 0], [0, 1], [0, 1], [1, 1], [1, 1]],
     )  # fmt: skip
-    thrown = [[20.0 * (node in (2, 3)), 0.0] for node in range(6)]
-    knot = replace(Scene.from_structure(structure), mass=[0.0, 0.0, 1.0, 1.0, 0.0, 0.0], velocity=thrown)
-    (text,) = move(knot, 40, 1e-3).notices
-    assert "As it begins, links bear next to nothing at node 1, without mass: a small mass there helps." in text
-    assert move(replace(knot, mass=[0.0, 1e-3, 1.0, 1.0, 0.0, 0.0]), 40, 1e-3).notices == []
+    knot = replace(Scene.from_structure(structure), mass=[0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    told = []
+    for speed in (5.0, 10.0, 20.0, 40.0, 80.0, 160.0):  # rounding has a say in which of them fail: about every second
+        thrown = replace(knot, velocity=[[speed * (node in (2, 3)), 0.0] for node in range(6)])
+        for h in (5e-4, 1e-3, 2e-3):
+            told += move(thrown, 40, h).notices
+            assert move(replace(thrown, mass=[0.0, 1e-3, 1.0, 1.0, 0.0, 0.0]), 40, h).notices == []
+    assert told
+    why = "As it begins, links bear next to nothing at node 1, without mass: a small mass there helps."
+    assert all(why in text for text in told), told
 
 
 @pytest.mark.parametrize("geometry", ["linear", "large"])
