@@ -224,6 +224,15 @@ def test_tolerances_that_stop_nothing_are_told():
     assert text in scene.solve(options=tolerances).notices
     for other in ({"snes_latin_stop": "residual"}, {"snes_type": "newtonls", "pc_type": "lu"}):
         assert text not in scene.solve(options=tolerances | other).notices
+    for stop, instead in {
+        "error": "-snes_latin_error",
+        "energy": "-snes_latin_error",
+        "residual": "-snes_rtol",
+    }.items():
+        text = f"no solve stops at -snes_stol with -snes_latin_stop {stop}: take {instead}"
+        assert text in scene.solve(options={"snes_stol": 1e-3, "snes_latin_stop": stop}).notices
+    for stop in ("auto", "indicator"):
+        assert scene.solve(options={"snes_stol": 1e-3, "snes_latin_stop": stop}).notices == []
 
 
 @pytest.mark.filterwarnings("ignore:not converged")

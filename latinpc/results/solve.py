@@ -106,9 +106,12 @@ def idle(snes: PETSc.SNES) -> list[str]:
         return " and ".join(f"-{name}" for name in names if options.hasName(name))
 
     if snes.getType() == "latin":
-        named = given("snes_rtol", "snes_atol")
-        if named and options.getString("snes_latin_stop", "") != "residual":
+        named, stop = given("snes_rtol", "snes_atol"), options.getString("snes_latin_stop", "")
+        if named and stop != "residual":
             said += [f"no solve stops at {named} without -snes_latin_stop residual: take -snes_latin_error"]
+        if given("snes_stol") and stop in ("residual", "error", "energy"):
+            instead = "-snes_rtol" if stop == "residual" else "-snes_latin_error"
+            said += [f"no solve stops at -snes_stol with -snes_latin_stop {stop}: take {instead}"]
         named = given(*LAGS)
         if named:
             inner = named.split()[0].replace("-", "-snes_latin_newton_", 1)
