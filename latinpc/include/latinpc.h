@@ -92,7 +92,7 @@ typedef enum {
   LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
   LATIN_STOP_ERROR,     /* estimated error of the displacements of all subdomains, relative, against -snes_latin_error */
   LATIN_STOP_ENERGY,    /* the same in the energy norm of the links, all taut */
-  LATIN_STOP_AUTO       /* error; in time steps, and if -snes_stol is set, indicator */
+  LATIN_STOP_AUTO       /* error; indicator if -snes_stol is set, or if nothing is left to estimate */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
