@@ -308,6 +308,14 @@ CASES = {
         r"_tension_error belongs to .* add -snes_latin_stop error",
         lambda: solve(square(), snes_latin_tension_error=1e-9, snes_latin_stop="indicator"),
     ),
+    "balance_of_a_step": (
+        r"_balance has no effect with a step tolerance .* leave out one of them",
+        lambda: solve(square(), snes_latin_balance=1e-9, snes_stol=1e-3),
+    ),
+    "tension_error_of_a_step": (
+        r"_tension_error has no effect with a step tolerance .* leave out one of them",
+        lambda: solve(square(), snes_latin_tension_error=1e-9, snes_stol=1e-3),
+    ),
     "warm_start": (r"hot.*none last extrapolate", lambda: solve(square(), snes_latin_warm_start="hot")),
     "no_reference": (
         r"SNESLatinSetReference\(\) \(in Python, latinpc.set_reference\(snes, u\); on the",

@@ -22,6 +22,18 @@ static PetscErrorCode SNESLatinBelongs_Private(SNES snes, PetscBool set, const c
   PetscFunctionReturn(0);
 }
 
+/* The same where a step tolerance decides instead of auto. Collective on snes */
+static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool set, const char option[], LatinStopType stop)
+{
+  const SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinBelongs_Private(snes, set, option, stop));
+  PetscCheck(!set || data->requested != LATIN_STOP_AUTO || !SNESLatinStolGiven(snes), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
+             "%s has no effect with a step tolerance (-snes_stol), which is then the only stop: leave out one of them, or add -snes_latin_error", option);
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin       *data   = (SNES_Latin *)snes->data;
@@ -46,10 +58,10 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_error", stop));
   if (set) PetscCall(SNESLatinSetError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", SNESLatinTensionTarget(data), &error, &set));
-  PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_tension_error", stop));
+  PetscCall(SNESLatinTested_Private(snes, set, "-snes_latin_tension_error", stop));
   if (set) PetscCall(SNESLatinSetTensionError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_balance", "Unbalanced forces to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, &set));
-  PetscCall(SNESLatinBelongs_Private(snes, set, "-snes_latin_balance", stop));
+  PetscCall(SNESLatinTested_Private(snes, set, "-snes_latin_balance", stop));
   PetscCall(SNESLatinSetBalance(snes, balance));
   PetscCall(PetscOptionsReal("-snes_latin_largest_unbalance", "Unbalanced force on a node to stop at, with -snes_latin_stop auto, error or energy; 0: any", "SNESLatinSetLargestUnbalance", data->unbalance, &error, &set));
   if (set) PetscCall(SNESLatinSetLargestUnbalance(snes, error));
@@ -86,7 +98,8 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
          `LATIN_STOP_REFERENCE`: the error relative to `SNESLatinSetReference()` is below the step tolerance;
          `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
          norm, is below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
-         `LATIN_STOP_INDICATOR` if a step tolerance other than the default is given
+         `LATIN_STOP_INDICATOR` if a step tolerance other than the default is given, for bars alone in one coarse problem,
+         and for rigid links in single precision
 
   Options Database Key:
 . -snes_latin_stop <indicator,residual,reference,error,energy,auto> - the stop
@@ -188,8 +201,8 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
   Level: intermediate
 
   Note:
-  Applies to the stops auto (unless a step tolerance is given), error and energy, and not to the time steps of a motion. An unbalance
-  that is rounding is accepted.
+  Applies to the stops auto, error and energy, and not to the time steps of a motion. With auto and a step tolerance the option is an
+  error, and the value has no effect. An unbalance that is rounding is accepted.
 
 .seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`, `SNESLatinSetLargestUnbalance()`
 @*/
