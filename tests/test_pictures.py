@@ -145,6 +145,20 @@ def test_rounding_is_not_made_visible():
         pictures.amplification_of(nodes, 2e-6, "x")
 
 
+def test_large_displacements_are_not_drawn_smaller():
+    """A tower that buckles was drawn at half its displacements, a shape in which it is not in balance."""
+    nodes = np.array([[0.0, 0.0], [3.0, 0.0]])
+    assert pictures.amplification_of(nodes, 1.0) == 0.2
+    assert pictures.amplification_of(nodes, 1.0, geometry="large") == 1.0
+    assert pictures.amplification_of(nodes, 1.0, 0.5, "large") == 0.5
+    given = {"nodes": [[-1, 0], [1, 0], [0, 0]], "links": [[0, 2], [1, 2]], "law": "cable", "stiffness": 1e3}
+    held = {"fixed": [[1, 1], [1, 1], [0, 0]], "load": [[0, 0], [0, 0], [0, -1e3]], "geometry": "large"}
+    result = latinpc.Structure(**given, **held).solve()
+    assert abs(result.displacements).max() > 0.5
+    assert "drawn × 1" in _written(result.plot())
+    assert "drawn × 0.2" in _written(result.plot(amplification=0.2))
+
+
 def test_scales():
     assert scaled(2500.0, "N") == (1e3, "kN")
     assert scaled(0.02, "m") == (1e-3, "mm")

@@ -291,7 +291,8 @@ def _write_motion(result, files, amplify):
 
         stamp = {} if result.converged else {"word": "NOT CONVERGED", "reason": result.report["reason"]}
         arrays = (last.displacements, last.tensions, result.subdomain)
-        draw_structure(result.scene, *arrays, picture, amplification=amplify, **stamp)
+        how = {"amplification": amplify, "geometry": result.scene.geometry}
+        draw_structure(result.scene, *arrays, picture, **how, **stamp)
 
 
 def _write(result, files, amplify):

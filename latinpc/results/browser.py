@@ -19,7 +19,9 @@ STOPS = 64  # of a colour scale
 WIDTHS = {True: 7.0, False: 3.0}  # of bars, of others, in pixels
 
 
-def interactive_figure(scene, displacements=None, tensions=None, *, amplification=None, load=None, word="", real=True):
+def interactive_figure(
+    scene, displacements=None, tensions=None, *, amplification=None, load=None, word="", real=True, geometry="linear"
+):
     """Draw a structure in a plotly figure: with results its forces on the deformed shape, else its laws.
 
     Whatever is under the mouse says its number, law, force and displacement. The legend switches parts off and on.
@@ -39,6 +41,8 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
         A warning in the title.
     real : bool
         False: displacements are a motion of any size.
+    geometry : str
+        That of the solve: with ``"large"`` displacements are drawn as they are, or larger.
 
     Returns
     -------
@@ -53,7 +57,7 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
     nodes, seen = plane_points(scene.nodes), drawn_links(scene)
     moved = np.zeros(nodes.shape) if displacements is None else plane_points(np.asarray(displacements, dtype=float))
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
-    amplification = amplification_of(nodes, largest, amplification)
+    amplification = amplification_of(nodes, largest, amplification, geometry)
     shape, ends = nodes + amplification * moved, scene.links[seen]
     traces = []
     if tensions is not None:

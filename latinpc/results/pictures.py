@@ -57,17 +57,19 @@ def round_factor(value):
     return float(power * max(digit for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-12)))
 
 
-def amplification_of(nodes, largest, asked=None):
+def amplification_of(nodes, largest, asked=None, geometry="linear"):
     """Return the factor that is asked for, or a round one.
 
-    That makes the largest displacement (m) visible beside the structure; 1 for rounding.
+    That makes the largest displacement (m) visible beside the structure; 1 for rounding, and 1 or more where links
+    turn: what is drawn smaller is no equilibrium.
     """
     if asked is not None:
         if not isinstance(asked, Real) or not np.isfinite(asked):
             raise ValueError(f"the amplification of displacements is a finite number, not {asked!r}")
         return float(asked)
     span = np.ptp(nodes, axis=0).max()
-    return round_factor(VISIBLE * span / largest) if largest > ROUNDING * span else 1.0
+    factor = round_factor(VISIBLE * span / largest) if largest > ROUNDING * span else 1.0
+    return max(factor, 1.0) if geometry == "large" else factor
 
 
 def drawn_links(scene):
@@ -86,7 +88,7 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
 
 def structure_figure(
     scene, displacements, tensions, subdomain=None, *, amplification=None, figure=None, load=None, numbers=False,
-    word="", reason="",
+    word="", reason="", geometry="linear",
 ):  # fmt: skip
     """Draw the deformed structure with the forces in its links, its supports, its loads, and its subdomains.
 
@@ -109,6 +111,8 @@ def structure_figure(
         Write the numbers of nodes and links.
     word, reason : str
         A stamp across the picture, such as "NOT CONVERGED", and why.
+    geometry : str
+        That of the solve: with ``"large"`` displacements are drawn as they are, or larger.
 
     Returns
     -------
@@ -119,7 +123,7 @@ def structure_figure(
     loose = slack(scene, tensions)[seen]
     nodes, moved = plane_points(scene.nodes), _in_plane(displacements)
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
-    amplification = amplification_of(nodes, largest, amplification)
+    amplification = amplification_of(nodes, largest, amplification, geometry)
     shape = nodes + amplification * moved
     sketch = Sketch(scene, shape, seen, load, figure, [nodes])
     scale = Scale(tensions[seen])

@@ -218,6 +218,7 @@ class Result(Reported):
         how = {} if self.converged else {"word": "NOT CONVERGED", "reason": self.reason}
         arrays = (self.displacements, self.tensions, self.subdomain)
         how |= {"amplification": amplification, "figure": figure, "load": self.load, "numbers": numbers}
+        how |= {"geometry": self.geometry}
         return structure_figure(self.structure, *arrays, **how)
 
     def interactive(self, amplification: float | None = None) -> Any:
@@ -247,7 +248,8 @@ class Result(Reported):
             )
         arrays = (self.displacements, self.tensions)
         word = "" if self.converged else f"NOT CONVERGED: {self.reason}"
-        return interactive_figure(self.structure, *arrays, amplification=amplification, load=self.load, word=word)
+        how = {"amplification": amplification, "load": self.load, "word": word, "geometry": self.geometry}
+        return interactive_figure(self.structure, *arrays, **how)
 
     def to_html(self, path: str | pathlib.Path, amplification: float | None = None) -> None:
         """Write `interactive` into one file for a browser, which needs no network; call it on one rank."""
