@@ -6,7 +6,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from conftest import ROOT
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from PIL import Image
@@ -79,6 +79,22 @@ def test_open_contacts_have_no_width(tmp_path, drawn, suffix):
     path = tmp_path / f"row{suffix}"
     pictures.draw_structure(scene, np.zeros((4, 2)), np.array([-2e3, 0.0, 0.0]), path=path)
     assert path.stat().st_size > 1000 and "66.7 % are open" in drawn[0]
+
+
+def test_contacts_at_one_place_are_discs():
+    """The forces between the blocks of an arch, lines of no length, were not seen."""
+    result = latinpc.scenes.make("arch", blocks=5).solve()
+    touch = result.structure.law == Law.FRICTION
+    figure = result.plot()
+    (discs,) = (found for found in figure.axes[0].collections if isinstance(found, PathCollection))
+    push = -result.tensions[touch]
+    assert push.max() > 0.0 and np.allclose(discs.get_sizes() / discs.get_sizes().max(), (push / push.max()) ** 2)
+    corners = result.structure.nodes[result.structure.links[touch, 0]]
+    assert np.allclose(discs.get_offsets(), corners, atol=0.2 * np.ptp(corners))
+    (key,) = (line for line in figure.legends[0].get_lines() if line.get_marker() == "o")
+    assert key.get_linestyle() == "None"
+    apart = latinpc.scenes.make("packing", side=4).solve().plot()
+    assert not any(isinstance(found, PathCollection) for found in apart.axes[0].collections)
 
 
 def test_links_without_force_are_grey(drawn, tmp_path):

@@ -120,6 +120,12 @@ def draw_links(axes, segments, colours, widths, styles="solid", zorder=2):
         axes.add_collection(lines)
 
 
+def draw_discs(axes, points, colours, diameters, zorder=3):
+    """Add discs (m,) at points (m, 2 or 3) to axes of either dimension, above the links; diameters in points."""
+    depth = {"depthshade": False} if points.shape[1] == 3 else {}
+    axes.scatter(*points.T, s=diameters**2, c=colours, linewidths=0.0, zorder=zorder, clip_on=False, **depth)
+
+
 def draw_symbols(axes, symbols, colour=SUPPORT_COLOUR):
     """Add the triangles and lines of `latinpc.results.symbols.Symbol` to axes of either dimension, above the links."""
     for symbol in symbols:

@@ -10,7 +10,6 @@ from .atomic import atomic
 from .drawing import (
     STAMP_COLOUR,
     axes_for,
-    draw_links,
     draw_symbols,
     force_bar,
     label_axes,
@@ -20,7 +19,7 @@ from .drawing import (
 )
 from .look import Scale, force_keys, force_look
 from .mechanics import slack
-from .pictures import amplification_of, drawn_links
+from .pictures import amplification_of, at_one_place, draw_forces, drawn_links
 from .symbols import supports
 from .units import number, quantity
 
@@ -79,12 +78,12 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
     label_axes(figure, axes, gaps=GAPS)
     law, force = scene.law[seen], frame.tensions[seen]
     loose = slack(scene, frame.tensions)[seen]
-    colours, widths, styles = force_look(law, force, loose, scale)
-    draw_links(axes, shape[scene.links[seen]], colours, widths, styles)
+    discs = at_one_place(scene, np.flatnonzero(seen))
+    draw_forces(axes, shape[scene.links[seen]], force_look(law, force, loose, scale), loose, discs)
     draw_symbols(axes, stands)
     if len(shape) <= FEW_NODES:
         axes.plot(*np.delete(shape, bodies, axis=0).T, "o", color="#333333", markersize=2.0, clip_on=False)
-    keys = force_keys(law, loose, film=True) + symbol_keys(stands)
+    keys = force_keys(law, loose, film=True, discs=discs) + symbol_keys(stands)
     if len(bodies):
         axes.plot(*shape[bodies].T, "o", color=MASS_COLOUR, markersize=9.0, clip_on=False, zorder=7)
         text = f"mass {quantity(1e3 * scene.mass[bodies].max(), 'g')}"

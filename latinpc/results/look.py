@@ -107,10 +107,11 @@ def force_look(law, tensions, loose, scale):
     return colours, widths, [DASHES if dashed and free else (0, None) for free in loose & wide]
 
 
-def force_keys(law, loose, idle=0, film=False):
+def force_keys(law, loose, idle=0, film=False, discs=None):
     """Return the keys of a legend: the kinds of links in grey, and how many are slack or bear nothing.
 
-    The legend of a film is the same in all frames: that of slack links is there anyway.
+    The legend of a film is the same in all frames: that of slack links is there anyway. `discs` are the contacts that
+    are drawn as discs.
     """
     keys = []
     if (law == Law.BAR).any():
@@ -130,7 +131,9 @@ def force_keys(law, loose, idle=0, film=False):
     touch = np.isin(law, TOUCHING)
     if touch.any():
         text = f"contact, wide as its force\n({100.0 * loose[touch].mean():.3g} % are open)"
-        keys.append(Line2D([], [], color="#555555", linewidth=3.0, label=text))
+        round_ones = discs is not None and discs[touch].all()
+        style = {"marker": "o", "markersize": 7, "linestyle": "none"} if round_ones else {"linewidth": 3.0}
+        keys.append(Line2D([], [], color="#555555", label=text, **style))
     return keys
 
 

@@ -19,6 +19,7 @@ from .drawing import (
     SUPPORT_COLOUR,
     axes_for,
     draw_arrows,
+    draw_discs,
     draw_links,
     draw_symbols,
     force_bar,
@@ -47,6 +48,7 @@ from .units import counted, number, quantity, scaled
 
 NUMBERED = 60  # nodes, up to which numbers are readable
 ROUNDING = 1e-12  # of the structure: displacements that are none
+DISC = 1.6  # diameter of the disc of a contact between nodes at one place, over its width as a line
 VISIBLE = 0.08  # of the structure: how large displacements are drawn
 MAIN_2D, MAIN_3D = (0.07, 0.08, 0.66, 0.80), (0.0, 0.0, 0.80, 0.91)  # rectangles of a figure
 
@@ -79,6 +81,21 @@ def drawn_links(scene):
     line = scene.nodes[scene.links[:, 1]] - scene.nodes[scene.links[:, 0]]
     along = np.abs(np.einsum("ij,ij->i", line, scene.directions))
     return (scene.law != Law.TANGENT) & (along >= 0.5 * np.linalg.norm(line, axis=1))
+
+
+def at_one_place(scene, links):
+    """Return which of the links are contacts between nodes at one place: lines of no length."""
+    line = scene.nodes[scene.links[links, 1]] - scene.nodes[scene.links[links, 0]]
+    return np.isin(scene.law[links], TOUCHING) & ~line.any(axis=1)
+
+
+def draw_forces(axes, segments, look, loose, discs):
+    """Draw links with the look of `force_look`; of those in `discs` a disc in the middle."""
+    colours, widths, styles = look
+    order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
+    draw_links(axes, segments[order], colours[order], widths[order], [styles[link] for link in order])
+    if discs.any():
+        draw_discs(axes, segments[discs].mean(axis=1), colours[discs], DISC * widths[discs])
 
 
 def draw_structure(scene, displacements, tensions, subdomain=None, path="structure.png", **how):
@@ -129,15 +146,14 @@ def structure_figure(
     scale = Scale(tensions[seen])
     if len(sketch.ends) <= MANY_LINKS:
         sketch.lines(nodes, GHOST_COLOUR, 0.5, zorder=1)
-    colours, widths, styles = force_look(sketch.law, tensions[seen], loose, scale)
-    order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
-    draw_links(sketch.axes, shape[sketch.ends][order], colours[order], widths[order], [styles[link] for link in order])
+    discs = at_one_place(scene, np.flatnonzero(seen))
+    draw_forces(sketch.axes, shape[sketch.ends], force_look(sketch.law, tensions[seen], loose, scale), loose, discs)
     sketch.symbols()
     if numbers:
         sketch.numbers()
     force_bar(sketch.figure, [0.86, 0.53, 0.014, 0.34], scale)
     idle = np.count_nonzero(scale.none(tensions[seen]) & ~loose & ~np.isin(sketch.law, TOUCHING))
-    sketch.legend(force_keys(sketch.law, loose, idle), 0.50)
+    sketch.legend(force_keys(sketch.law, loose, idle, discs=discs), 0.50)
     if subdomain is not None and np.max(subdomain) > 0:
         _draw_subdomains(sketch.figure, nodes[sketch.ends], np.asarray(subdomain)[seen])
     divisor, unit = scaled(largest, "m")
