@@ -1,5 +1,6 @@
 """The tables of options/README.md, `-help` and the files in options/ say the same; the pages' commands run."""
 
+import importlib
 import os
 import re
 import shlex
@@ -12,6 +13,8 @@ from conftest import ROOT, run
 from latinpc import options
 from latinpc.scenes import make
 
+sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+TYPES = importlib.import_module("c_pages").solver_types()
 README = (ROOT / "README.md").read_text()
 SOLVING = (ROOT / "docs" / "solving.md").read_text()
 WITH_COMMANDS = ["README.md", *(f"docs/{name}.md" for name in ("checkpoints", "commands", "diagnostics", "motions"))]
@@ -77,6 +80,18 @@ def test_every_key_of_ours_is_in_the_readme(described):
     ours = {key for key in printed if key.startswith(f"{family}_latin_") and not key.startswith(tuple(prefixes))}
     assert ours <= table.keys(), ours - table.keys()
     assert len(ours) == {"snes": 17, "pc": 6, "ksp": 5, "ts": 1}[family]
+
+
+def test_the_manual_pages_of_the_types_list_every_key(described):
+    family, table, prefixes, printed = described
+    (page,) = (text for name, (_, text) in TYPES.items() if name == f"{family.upper()}LATIN")
+    listed = dict(re.findall(r"^[+.-] -(\w+) (?:<(.*?)>)? *- ", page, re.MULTILINE))
+    ours = {key for key in printed if key.startswith(f"{family}_latin_") and not key.startswith(tuple(prefixes))}
+    assert ours <= listed.keys(), ours - listed.keys()
+    unknown = {key for key in listed if key.startswith(f"{family}_latin_")} - table.keys() - set(prefixes)
+    assert not unknown, unknown
+    for key in listed.keys() & table.keys():
+        assert not listed[key] or same(table[key][1], listed[key]), key
 
 
 def test_help_lists_no_key_that_nobody_should_set(described):

@@ -1,10 +1,11 @@
-"""Manual pages of public C functions, from the comments above them in the sources, as Markdown."""
+"""Manual pages of public C functions and of solver types, from the comments above them in the sources, as Markdown."""
 
 import re
 from pathlib import Path
 
 C = Path(__file__).parents[2] / "latinpc"
 PAGE = re.compile(r"/\*@C?\n  (\w+) - (.*?)@\*/\nPetscErrorCode (\w+)\((.*?)\)$", re.DOTALL | re.MULTILINE)
+TYPE = re.compile(r"/\*MC\n  (\w+) - (.*?)M\*/", re.DOTALL)
 SYNOPSIS = re.compile(r"  Synopsis:\n  PetscErrorCode \w+\((.*)\)\n\n")
 EXTERN = re.compile(r"^PETSC_EXTERN PetscErrorCode (\w+)\(", re.MULTILINE)
 ITEM = re.compile(r"^[+.-] (.*?) +- (.*)$")
@@ -30,13 +31,20 @@ def public_functions():
     return dict(pages.get(name, (name, None)) for name in EXTERN.findall(header))
 
 
+def solver_types():
+    """Return the manual pages of solver types: name -> no arguments, and text."""
+    texts = [path.read_text() for path in sorted((C / "src").glob("**/*.c"))]
+    return {name: (None, text) for source in texts for name, text in TYPE.findall(source)}
+
+
 def markdown(name, arguments, text, known):
     """Return a manual page as Markdown."""
 
     def linked(line):
         return re.sub(r"`(\w+)\(\)`", lambda m: f"{{c:func}}`{m[1]}`" if m[1] in known else m[0], line)
 
-    lines, seealso = [f"````{{c:function}} PetscErrorCode {name}({arguments})", ""], ""
+    head = f"{{c:macro}} {name}" if arguments is None else f"{{c:function}} PetscErrorCode {name}({arguments})"
+    lines, seealso = [f"````{head}", ""], ""
     for line in text.split("\n"):
         line = re.sub(r"(?<=\w)(\*)(?=\s|$)", r"\\*", line.removeprefix("  ").rstrip())
         item = ITEM.match(line)

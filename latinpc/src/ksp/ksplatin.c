@@ -429,17 +429,18 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
 }
 
 /*MC
-  KSPLATIN - the substructured LATIN iteration for symmetric positive definite matrices: to PC latin what `KSPFETIDP`
-  is to `PCBDDC`
+  KSPLATIN - the LATIN iteration on interface data alone, for symmetric positive definite matrices: to PC latin what `KSPFETIDP` is to `PCBDDC`
 
   Options Database Keys:
-+ -ksp_latin_modes <affine,rigid>              - macro fields of the strong interfaces
-. -ksp_latin_subdomains <n>                    - number of subdomains
-. -ksp_latin_direction <schur>                 - micro search direction
-. -ksp_latin_outer_ksp_type <gmres,richardson> - accelerated, or plain
-. -ksp_latin_outer_                            - prefix of that KSP
-. -ksp_latin_local_                            - prefix of the KSP of the subdomains
-- -ksp_latin_coarse_                           - prefix of the KSP of the coarse problem
++ -ksp_latin_modes <affine>         - macro fields of strong interfaces: affine, rigid
+. -ksp_latin_modes_local <-2>       - local low-energy fields in the coarse space, eigenvalues below this; 0: none, -2: automatic
+. -ksp_latin_subdomains <0>         - number of subdomains, 0: automatic
+. -ksp_latin_partitioner <auto>     - metis on one rank, parallel on all, or auto; not of a MATIS
+. -ksp_latin_direction <schur>      - micro search direction: scalar, diagonal, block, schur, auto
+. -ksp_latin_outer_ksp_type <gmres> - acceleration, or richardson, the plain iteration
+. -ksp_latin_outer_                 - prefix of that KSP
+. -ksp_latin_local_                 - prefix of the KSP of the subdomains
+- -ksp_latin_coarse_                - prefix of the KSP of the coarse problem
 
   Level: intermediate
 

@@ -366,19 +366,28 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 }
 
 /*MC
-  PCLATIN - One linear stage of the LATIN method: a symmetric positive definite preconditioner for CG
+  PCLATIN - One linear stage of the LATIN method: a symmetric positive definite preconditioner for CG, of structures of links and of
+  any `MATIS`
 
   Options Database Keys:
-+ -pc_latin_variant <none,macro,corner,published> - coarse treatment of weak interfaces
-. -pc_latin_modes_local <0>                    - eigenvalue threshold of local low-energy modes in the coarse space
-. -pc_latin_subdomains <n>                     - number of subdomains
-. -pc_latin_direction <auto>                   - springs that keep the local problems regular
-. -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
-- -pc_latin_coarse_                            - prefix of the KSP of the coarse problem, for example -pc_latin_coarse_pc_type latin
++ -pc_latin_variant <corner>    - interface unknowns of the coarse problem: none, macro, corner, published, primal (a direct solver), auto
+. -pc_latin_modes <affine>      - macro fields of strong interfaces: affine, rigid
+. -pc_latin_modes_local <-2>    - local low-energy fields in the coarse space, eigenvalues below this; 0: none, -2: automatic
+. -pc_latin_subdomains <0>      - number of subdomains, of a MATIS of those joined from its pieces; 0: automatic
+. -pc_latin_partitioner <auto>  - metis on one rank, parallel on all, or auto; not of a MATIS
+. -pc_latin_direction <auto>    - springs that keep the local problems regular: scalar, diagonal, block, schur, auto
+. -pc_latin_local_              - prefix of the KSP of the subdomains
+. -pc_latin_interior_           - prefix of the KSP of their interiors
+- -pc_latin_coarse_             - prefix of the KSP of the coarse problem, for example -pc_latin_coarse_pc_type latin
 
   Level: beginner
 
-  Note:
+  Notes:
+  The matrix is the tangent stiffness of a structure (`LatinStructureAttachPC()`, or the DM of the structure), or a `MATIS`, symmetric,
+  with positive semidefinite local matrices. The local matrix of a rank is one subdomain, or with `MatISSetAllowRepeated()` several.
+  `PCSetCoordinates()`, a DM with coordinates, the block size and `MatSetNearNullSpace()` add to the macro fields. A singular matrix
+  needs `MatSetNullSpace()`. An assembled matrix has no matrices of subdomains: it is an error.
+
   With approximate solvers of the interiors and of the coarse problem, applied once, the preconditioner is linear, symmetric and
   positive definite if they are. With inner iterations that stop early it is not linear: use a flexible method such as `KSPFCG` or
   `KSPFGMRES`. Solves of the subdomains are accurate.

@@ -303,9 +303,13 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   Options Database Keys:
 + -snes_latin_variant <auto>                    - interface unknowns of the coarse problem: all (primal), corners, weak interfaces (macro), none, published; auto: primal, or corner if most subdomains are repeated
 . -snes_latin_subdomains <0>                    - number of subdomains, 0: automatic
+. -snes_latin_partitioner <auto>                - metis on one rank, parallel on all, or auto
 . -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
-. -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
+. -snes_latin_modes_local <-2>                  - local low-energy fields in the coarse space, eigenvalues below this; 0: none, -2: automatic
 . -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
+. -snes_latin_direction_value <0>               - stiffness of the direction scalar, of others a fraction of the interface stiffness; 0: automatic
+. -snes_latin_precision <auto>                  - precision of factors: double, single, or auto: single for large ones if accurate enough
+. -snes_latin_geometry <linear>                 - rotation of links by displacements: linear (none), prestress (small), large
 . -snes_latin_stop <auto>                       - convergence criterion: indicator, residual, reference, error, energy; auto: the error, or the indicator if -snes_stol is given
 . -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
 . -snes_latin_tension_error                     - estimated error of the tensions to stop at, by default that of the displacements
