@@ -255,7 +255,7 @@ BAD = [
     (["solve", TOWER, "--slack", "0.1"], "--slack has no meaning for a file, which takes --scale, --merge, --raise"),
     (["solve", TOWER, "--EA", "stiff"], "--EA stiff: write a number, or GROUP=number"),
     (["solve", TOWER, "--EA", "1", "--EA", "2"], "--EA 2: given twice"),
-    (["solve", TOWER, "--EA", "1"], "--EA: what it gives has been given already, in tower.msh or tower.toml"),
+    (["solve", TOWER, "--EA", "1"], "--EA: no line is left that needs it: tower.msh or tower.toml"),
     (["solve", "network", "--EA", "1"], "--EA has no meaning for the scene network"),
     (["solve", "network", "--load", "z=1"], "--load z=1: a scene takes one number"),
     (["solve", "network", "--load", "1", "--load", "2"], "--load 1 2: a scene takes one number"),

@@ -99,7 +99,7 @@ def test_move_refuses_what_cannot_move():
         ((grid, 3), "no masses"),
         ((grid, 3, None, None), "no masses"),
         ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--time-step"),
-        ((make("bouncing-chain"), 0), "at least one step, not 0: change --num-steps"),
+        ((make("bouncing-chain"), 0), r"at least one step, not 0 \(--num-steps\)"),
         ((make("bouncing-chain"), 1, np.inf), "inf s; it must be positive and finite: change --time-step"),
         ((make("bouncing-chain"), 1, np.nan), "nan s; it must be positive and finite: change --time-step"),
     ):

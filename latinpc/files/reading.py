@@ -278,7 +278,8 @@ def _assignments(settings, description, lines, given):
         of, more = f" of '{useless[1]}'" if useless[1] else "", "" if useless[0] == "law" else ", or the laws take none"
         files = " or ".join(file.name for file in (lines.path, description) if file.is_file())
         raise ValueError(
-            f"--{useless[0]}{of}: what it gives has been given already, in {files}, or by options of other groups{more}"
+            f"--{useless[0]}{of}: no line is left that needs it: {files}, or options of other groups, have it already"
+            f"{more}"
         )
     return found
 

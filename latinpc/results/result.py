@@ -288,7 +288,7 @@ class Result(Reported):
         load: ArrayLike | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> Modes:
-        """Compute natural frequencies, or linear buckling factors, at the displacements; see `latinpc.modes`."""
+        """Compute natural frequencies or buckling factors at the displacements; collective, as `latinpc.modes`."""
         from .modes import modes
 
         return modes(self, number, buckling=buckling, load=load, options=options)

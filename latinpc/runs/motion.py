@@ -134,12 +134,12 @@ def move(
     if mass is not None:
         scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
     if scene.mass is None:
-        raise ValueError(f"the scene {scene.name} has no masses: give every node one with --node-mass")
+        raise ValueError(f"the scene {scene.name} has no masses: give mass, in kg (on the command line --node-mass)")
     step = scene.time_step if step is None else step
     if step is None:
-        raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --time-step")
+        raise ValueError(f"the scene {scene.name} has no time step: give step, in s (on the command line --time-step)")
     if steps < 1:
-        raise ValueError(f"a motion needs at least one step, not {steps}: change --num-steps")
+        raise ValueError(f"a motion needs at least one step, not {steps} (--num-steps)")
     _check_length(step, "--time-step")
     every = max(-(-steps // FRAMES), 1) if every is None else every
     structure = Structure.from_scene(scene, comm)
