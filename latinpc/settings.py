@@ -62,7 +62,7 @@ def set_partition(solver: Solver, subdomain: ArrayLike) -> None:
 
 
 def set_partitioner(solver: Solver, partitioner: str) -> None:
-    """Choose the partitioner, ``-snes_latin_partitioner``; not collective, before the set-up.
+    """Choose the partitioner, ``-snes_latin_partitioner``; logically collective, before the set-up.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def set_partitioner(solver: Solver, partitioner: str) -> None:
 
 
 def set_subdomains(solver: Solver, subdomains: int) -> None:
-    """Choose the number of subdomains, ``-snes_latin_subdomains``; not collective, before the set-up.
+    """Choose the number of subdomains, ``-snes_latin_subdomains``; logically collective, before the set-up.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def set_subdomains(solver: Solver, subdomains: int) -> None:
 
 
 def set_variant(solver: Solver, variant: str) -> None:
-    """Choose the interface dofs in the coarse problem, ``-snes_latin_variant``; not collective, before the set-up.
+    """Choose the interface dofs in the coarse problem, ``-snes_latin_variant``; logically collective.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def set_variant(solver: Solver, variant: str) -> None:
 
 
 def set_modes(solver: Solver, modes: str, local: float | None = None) -> None:
-    """Choose the macro fields of strong interfaces, ``-snes_latin_modes``; not collective, before the set-up.
+    """Choose the macro fields of strong interfaces, ``-snes_latin_modes``; logically collective, before the set-up.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def set_modes(solver: Solver, modes: str, local: float | None = None) -> None:
 
 
 def set_direction(solver: Solver, direction: str, value: float = 0.0) -> None:
-    """Choose the search direction of the interfaces, ``-snes_latin_direction``; not collective, before the set-up.
+    """Choose the search direction of the interfaces, ``-snes_latin_direction``; logically collective.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def set_direction(solver: Solver, direction: str, value: float = 0.0) -> None:
 
 
 def set_precision(snes: PETSc.SNES, precision: str) -> None:
-    """Choose the precision of factors, ``-snes_latin_precision``; linear stages correct their rounding; not collective.
+    """Choose the precision of factors, ``-snes_latin_precision``, which linear stages correct; logically collective.
 
     Parameters
     ----------

@@ -41,6 +41,14 @@ def test_each_function_in_c_is_in_one_section():
         assert len([names for names in sections if re.fullmatch(names, name)]) == 1, name
 
 
+def test_manual_pages_list_arguments():
+    for name, (arguments, text) in c_pages.public_functions().items():
+        names = re.findall(r"(\w+)(?:\[\])*(?:,|$)", arguments)
+        listed = re.findall(r"^[+.-] (\w+) +- ", text.partition("Options Database")[0], re.MULTILINE)
+        assert listed or len(names) < 2, name
+        assert set(listed) <= set(names), (name, set(listed) - set(names))
+
+
 def test_manual_pages_become_markdown():
     functions = c_pages.public_functions()
     text = c_pages.markdown("LatinSetDirection", *functions["LatinSetDirection"], functions)

@@ -7,6 +7,12 @@
 
   Collective on latin
 
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameter:
+. cost - struct, overwritten
+
   Level: intermediate
 
   Note:

@@ -24,6 +24,10 @@ const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPart
 
   Logically collective on latin; a change makes the next set-up rebuild everything
 
+  Input Parameters:
++ latin   - of a solver
+- variant - `LATIN_VARIANT_NONE`, `LATIN_VARIANT_MACRO`, `LATIN_VARIANT_CORNER`, `LATIN_VARIANT_PUBLISHED`: unknowns of weak interfaces, sections 4.1 to 4.4; `LATIN_VARIANT_PRIMAL`: all interfaces; `LATIN_VARIANT_AUTO`: primal, or corner if most subdomains repeat others
+
   Options Database Key:
 . -snes_latin_variant <auto,primal,corner,macro,none,published> - or -pc_latin_variant
 
@@ -106,6 +110,10 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 
   Logically collective on latin
 
+  Input Parameters:
++ latin     - of a SNES
+- precision - `LATIN_PRECISION_DOUBLE`, `LATIN_PRECISION_SINGLE`, `LATIN_PRECISION_AUTO`
+
   Options Database Key:
 . -snes_latin_precision <double,single,auto> - auto: single precision for factors larger than a cache
 
@@ -124,6 +132,10 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
   LatinSetSubdomains - Number of subdomains of a structure, or into which the pieces of a `MATIS` are merged; 0: automatic.
 
   Logically collective on latin
+
+  Input Parameters:
++ latin      - of a solver
+- subdomains - their number over all ranks, 0: automatic
 
   Options Database Key:
 . -snes_latin_subdomains <n> - or -pc_latin_subdomains, -ksp_latin_subdomains
@@ -176,6 +188,10 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   LatinSetPartitioner - Partitioner of a structure, unless the caller sets a partition.
 
   Logically collective on latin
+
+  Input Parameters:
++ latin       - of a solver
+- partitioner - `LATIN_PARTITIONER_AUTO`, `LATIN_PARTITIONER_METIS`, `LATIN_PARTITIONER_PARALLEL`
 
   Options Database Keys:
 + -snes_latin_partitioner <auto,metis,parallel> - or -pc_latin_partitioner, -ksp_latin_partitioner

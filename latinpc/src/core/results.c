@@ -18,6 +18,12 @@ PetscErrorCode LatinCheckSetUp_Private(Latin latin)
   Synopsis:
   PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *statistics)
 
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameter:
+. statistics - struct, overwritten
+
   Note:
   A macro, which passes the size of the caller's struct: programs compiled before members were added remain valid.
 
@@ -68,6 +74,13 @@ PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistic
 
   Not collective
 
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameters:
++ n_local - subdomains of this rank, or NULL
+- first   - global number of the first of them, or NULL
+
   Level: intermediate
 @*/
 PetscErrorCode LatinGetSubdomains(Latin latin, PetscInt *n_local, PetscInt *first)
@@ -91,6 +104,13 @@ static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
   LatinGetSubdomainIS - Free degrees of freedom of a subdomain of this rank, as entries of DM global vectors, increasing.
 
   Not collective; the caller destroys the index set
+
+  Input Parameters:
++ latin - after its set-up
+- i     - subdomain of this rank, from 0
+
+  Output Parameter:
+. is - on PETSC_COMM_SELF
 
   Level: intermediate
 @*/
@@ -117,6 +137,12 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 
   Not collective
 
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameter:
+. subdomain - [links_local] global numbers
+
   Level: intermediate
 @*/
 PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
@@ -136,6 +162,12 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 
   Collective on latin
 
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameter:
+. node_class - [nodes_local], or [local rows] of a matrix
+
   Level: intermediate
 @*/
 PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
@@ -152,6 +184,13 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
   strong interfaces first, then primal displacements.
 
   Not collective; the caller destroys the matrix
+
+  Input Parameters:
++ latin - after its set-up
+- i     - subdomain of this rank, from 0
+
+  Output Parameter:
+. H - force/length, a dense matrix on PETSC_COMM_SELF
 
   Level: intermediate
 
@@ -180,6 +219,13 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 
   Not collective; the reference is borrowed
 
+  Input Parameters:
++ latin - after its set-up
+- i     - subdomain of this rank, from 0
+
+  Output Parameter:
+. ksp - the solver, or NULL
+
   Level: advanced
 
   Note:
@@ -203,6 +249,12 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
   LatinGetCoarseKSP - Solver of the coarse problem; NULL if there is no interface.
 
   Not collective; the reference is borrowed
+
+  Input Parameter:
+. latin - after its set-up
+
+  Output Parameter:
+. ksp - the solver, or NULL
 
   Level: advanced
 

@@ -130,7 +130,7 @@ static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal beside, Pe
   return (PetscBool)(push > LATIN_COLLAPSE_HELD * PetscSqrtReal(all) && push > LATIN_COLLAPSE_TENSION * PetscMax(1.0, beside) * PetscSqrtReal(resisted));
 }
 
-/* Links that resist never, in traction, in compression (unilateral), in both (bilateral) */
+/* Links that resist never, in tension, in compression (unilateral), in both (bilateral) */
 enum { LATIN_WAY_NONE, LATIN_WAY_TRACTION, LATIN_WAY_COMPRESSION, LATIN_WAY_BOTH };
 
 /*

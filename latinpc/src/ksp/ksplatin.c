@@ -365,69 +365,6 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinStructureAttachKSP - Sets the structure of a KSP and its PC, for a matrix that does not come from the DM of the structure.
-
-  Collective on ksp
-
-  Level: intermediate
-
-  Note:
-  Call it before or after `KSPSetType()` and `KSPSetFromOptions()`. Other types than latin ignore it.
-@*/
-PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
-{
-  PetscBool is;
-  PC        pc;
-
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 2);
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPLATIN, &is));
-  PetscCall(LatinAttach_Private(is ? ((KSP_Latin *)ksp->data)->latin : NULL, (PetscObject)ksp, structure));
-  if (is && ((KSP_Latin *)ksp->data)->latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(LatinStructureAttachPC(structure, pc));
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  KSPLatinGetLatin - The decomposition behind a KSP of type latin.
-
-  Not collective; the reference is borrowed
-
-  Level: intermediate
-@*/
-PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
-{
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
-  PetscCall(LatinCheckType_Private((PetscObject)ksp));
-  PetscAssertPointer(latin, 2);
-  *latin = ((KSP_Latin *)ksp->data)->latin;
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  KSPLatinGetOuter - The KSP that solves for the interface data, options prefix ksp_latin_outer_ behind that of ksp.
-
-  Not collective; the reference is borrowed
-
-  Level: advanced
-
-  Note:
-  After `KSPSetUp()` its operator is that of ksp/interfaceoperator.c, in variables whose Euclidean norm is the energy norm of the
-  search direction.
-@*/
-PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
-{
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
-  PetscCall(LatinCheckType_Private((PetscObject)ksp));
-  PetscAssertPointer(outer, 2);
-  *outer = ((KSP_Latin *)ksp->data)->outer;
-  PetscFunctionReturn(0);
-}
-
 /*MC
   KSPLATIN - the LATIN iteration on interface data alone, for symmetric positive definite matrices: to PC latin what `KSPFETIDP` is to `PCBDDC`
 

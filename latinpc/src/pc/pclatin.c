@@ -331,6 +331,10 @@ PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
 
   Collective on pc
 
+  Input Parameters:
++ structure - set up
+- pc        - of any type, on the communicator of the structure
+
   Level: intermediate
 
   Note:
@@ -352,6 +356,12 @@ PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
   PCLatinGetLatin - The decomposition behind a preconditioner of type latin.
 
   Not collective; the reference is borrowed
+
+  Input Parameter:
+. pc - of type latin
+
+  Output Parameter:
+. latin - the decomposition
 
   Level: intermediate
 @*/

@@ -7,6 +7,12 @@
 
   Not collective; the reference is borrowed
 
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. latin - the decomposition
+
   Level: intermediate
 @*/
 PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
@@ -261,6 +267,12 @@ PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[
   SNESLatinGetOuter - Gets the inner SNES that solves z - G(z) = 0, with G the fixed-point map.
 
   Collective on snes when called first; the reference is borrowed
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. outer - the inner SNES
 
   Level: advanced
 @*/

@@ -182,6 +182,10 @@ PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 
   Collective on snes; the SNES keeps a reference to the structure. Attaching another structure resets the SNES
 
+  Input Parameters:
++ structure - set up
+- snes      - of any type, on the communicator of the structure
+
   Level: beginner
 
   Note:

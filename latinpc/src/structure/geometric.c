@@ -46,7 +46,7 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
 
   Input Parameters:
 + u       - displacements, a DM global vector
-- tension - tau of this rank's links, [links_local] in the caller's numbering, positive in traction
+- tension - tau of this rank's links, [links_local] in the caller's numbering, positive in tension
 
   Output Parameter:
 . G - overwritten; from `DMCreateMatrix()` on the DM of the structure

@@ -56,6 +56,13 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 
   Collective on structure
 
+  Input Parameters:
++ structure - set up
+- u         - displacements, a DM global vector
+
+  Output Parameter:
+. r - forces, a DM global vector
+
   Level: intermediate
 
   Note:
@@ -128,6 +135,13 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 
   Collective on structure
 
+  Input Parameters:
++ structure - set up
+- u         - displacements, a DM global vector
+
+  Output Parameter:
+. J - force/length
+
   Level: intermediate
 
   Note:
@@ -170,6 +184,13 @@ static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structu
   LatinStructureComputeEnergy - Potential energy: strain energy of the links minus the work of the loads.
 
   Collective on structure
+
+  Input Parameters:
++ structure - set up
+- u         - displacements, a DM global vector
+
+  Output Parameter:
+. energy - force times length, over all ranks
 
   Level: intermediate
 

@@ -52,9 +52,16 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
 }
 
 /*@C
-  LatinStructureGetTensions - Tensions of this rank's links at displacements u, [links_local] in the caller's numbering, positive in traction.
+  LatinStructureGetTensions - Tensions of this rank's links at displacements u, [links_local] in the caller's numbering, positive in tension.
 
   Collective on structure
+
+  Input Parameters:
++ structure - set up
+- u         - displacements, a DM global vector
+
+  Output Parameter:
+. tension - [links_local] forces
 
   Level: beginner
 

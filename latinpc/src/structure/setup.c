@@ -333,6 +333,12 @@ PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 
   Not collective; the reference is borrowed
 
+  Input Parameter:
+. structure - set up
+
+  Output Parameter:
+. dm - its DM
+
   Level: beginner
 @*/
 PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
@@ -348,6 +354,15 @@ PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
   LatinStructureGetSizes - Dimension, numbers of nodes and links over all ranks, and of free degrees of freedom.
 
   Not collective
+
+  Input Parameter:
+. structure - set up
+
+  Output Parameters:
++ dim       - displacement components of a node, or NULL
+. nodes     - nodes of all ranks, or NULL
+. nlinks    - links of all ranks, or NULL
+- free_dofs - components that are not prescribed, or NULL
 
   Level: beginner
 @*/

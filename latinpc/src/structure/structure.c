@@ -256,6 +256,10 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
 
   Collective on structure; no operator is rebuilt for it
 
+  Input Parameters:
++ structure - with laws
+- e0        - [links_local] lengths, or NULL for zero
+
   Level: intermediate
 @*/
 PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, const PetscReal e0[])
@@ -274,6 +278,10 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
   LatinStructureSetPrestress - Sets the tensions T, [links_local], of the links of this rank in the prestressed configuration: e0 = T / k.
 
   Collective on structure; after `LatinStructureSetLaws()`
+
+  Input Parameters:
++ structure - with laws
+- prestress - [links_local] forces T
 
   Level: intermediate
 
@@ -369,6 +377,10 @@ PetscErrorCode LatinStructureSetPrescribed(LatinStructure structure, const Petsc
 
   Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
 
+  Input Parameters:
++ structure - the structure
+- force     - [nodes_local][dim] forces F
+
   Level: beginner
 
   Note:
@@ -389,6 +401,10 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
   LatinStructureSetDirections - Sets directions of links, [links_local][dim], other than from their first to their second node.
 
   Collective on structure; before `LatinStructureSetUp()`
+
+  Input Parameters:
++ structure - not set up yet
+- direction - [links_local][dim], zero: from the coordinates of the nodes
 
   Level: intermediate
 
@@ -415,6 +431,10 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
   LatinStructureSetFriction - Sets the coefficients of friction of the contacts of this rank, [links_local], read at links of law friction only.
 
   Collective on structure; before `LatinStructureSetUp()`
+
+  Input Parameters:
++ structure   - not set up yet
+- coefficient - [links_local] Coulomb coefficients, not negative
 
   Level: intermediate
 @*/

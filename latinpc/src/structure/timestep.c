@@ -26,6 +26,10 @@
 
   Collective on structure
 
+  Input Parameters:
++ structure - the structure
+- mass      - [nodes_local] masses, not negative
+
   Level: beginner
 
   Note:
@@ -74,6 +78,13 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
   LatinStructureComputeKineticEnergy - Kinetic energy 1/2 v^t M v of the nodes; v is a DM global vector of velocities.
 
   Collective on structure
+
+  Input Parameters:
++ structure - set up, with masses
+- v         - velocities, a DM global vector
+
+  Output Parameter:
+. energy - over all ranks
 
   Level: intermediate
 @*/

@@ -361,6 +361,12 @@ PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry
 
   Not collective
 
+  Input Parameter:
+. structure - the structure
+
+  Output Parameter:
+. geometry - as `LatinStructureSetGeometry()` has set it, linear by default
+
   Level: beginner
 
 .seealso: `LatinStructureSetGeometry()`

@@ -83,6 +83,12 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 
   Not collective
 
+  Input Parameter:
+. law - `LatinLawType`, or the number of a registered law
+
+  Output Parameter:
+. name - its name, borrowed, or NULL
+
   Level: advanced
 @*/
 PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])

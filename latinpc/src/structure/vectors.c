@@ -224,6 +224,13 @@ static PetscErrorCode LatinStructureGetDisplacements_Private(LatinStructure stru
 
   Collective on structure
 
+  Input Parameters:
++ structure - set up
+- u         - displacements, a DM global vector
+
+  Output Parameter:
+. displacement - [nodes_local][dim] lengths
+
   Level: beginner
 @*/
 PetscErrorCode LatinStructureGetDisplacements(LatinStructure structure, Vec u, PetscReal displacement[])
@@ -238,6 +245,13 @@ PetscErrorCode LatinStructureGetDisplacements(LatinStructure structure, Vec u, P
   LatinStructureSetDisplacements - Fills a DM global vector from displacements [nodes_local][dim] in the caller's numbering, ignored where prescribed.
 
   Collective on structure
+
+  Input Parameters:
++ structure    - set up
+- displacement - [nodes_local][dim] lengths
+
+  Output Parameter:
+. u - DM global vector, overwritten
 
   Level: intermediate
 @*/

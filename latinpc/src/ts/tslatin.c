@@ -63,6 +63,10 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
 
   Collective on ts; the TS keeps a reference to the structure. Attaching another structure resets the TS
 
+  Input Parameters:
++ structure - set up, with masses
+- ts        - of any type, on the communicator of the structure
+
   Level: beginner
 
   Notes:
@@ -362,7 +366,7 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
 . ts - of type latin
 
   Output Parameter:
-. tension - [links_local], a force, positive in traction
+. tension - [links_local], a force, positive in tension
 
   Level: intermediate
 
