@@ -68,6 +68,8 @@ def checked(
     found = {"nodes": nodes, "links": links, "direction": checks.geometry(*ends, given["direction"], links)}
     found["law"] = law = checks.law(given["law"], laws)
     stiffness, elongation, EA = given["stiffness"], given["initial_elongation"], given.get("EA")
+    if "EA" in given and stiffness is EA is None and (law > Law.COMPRESSION_ONLY).all():
+        stiffness = 0.0
     if "EA" in given and (stiffness is None) == (EA is None):
         raise ValueError("give either stiffness, EA / length of each link (N/m), or EA (N)")
     if elongation is not None and given.get("prestress") is not None:

@@ -64,7 +64,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     stiffness : (m,) array_like of float, or float
         k (N/m), positive. Of a rigid law (3 to 6) it is the search parameter: it affects speed, not the result; 0:
         automatic. Of a table, 0 means the table's own stiffness, which the attribute then has. Either this or
-        `EA` is given.
+        `EA` is given; neither is 0, where all laws are rigid or tables.
     initial_elongation : (m,) array_like of float, or float, optional
         e0 (m), zero by default; the self-stress is k e0. Of a contact, the gap.
     fixed : (n, dim) array_like of bool, optional

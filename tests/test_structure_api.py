@@ -326,6 +326,16 @@ def test_axial_stiffness_is_divided_by_the_lengths():
             frame(stiffness=None, EA=wrong)
 
 
+def test_laws_without_a_stiffness_need_none():
+    """Rigid ones and tables alone; beside a bar it is missing."""
+    table = latinpc.register_table([0.0, 1e-3, 1e-2], [0.0, 10.0, 20.0])
+    for law in ("inextensible", table):
+        assert np.array_equal(frame(law=law, stiffness=None).stiffness, frame(law=law, stiffness=0.0).stiffness)
+    mixed = ["bar"] + ["inextensible"] * (len(LINKS) - 1)
+    with pytest.raises(ValueError, match="give either stiffness"):
+        frame(law=mixed, stiffness=None)
+
+
 def test_verbs_agree_with_the_links_and_nodes_that_are_named():
     """One, several, and more than are named."""
     for bad, words in (
