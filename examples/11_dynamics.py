@@ -79,7 +79,7 @@ ts.solve(u)
 change = mass * (net.displacements(v)[ball, 2] + speed + gravity * h * steps)
 if net.comm.getRank() == 0:
     print(f"{ts.getSNES().getType()}: {np.mean(iterations):.1f} iterations a step, at most {max(iterations)}")
-    print(f"the mass sinks by {-1e3 * min(height):.0f} mm and comes back to {1e3 * height[-1]:.0f} mm")
+    print(f"the mass sinks by {-1e3 * min(height):.0f} mm and is {1e3 * height[-1]:.0f} mm above its start in the end")
     print(f"impulse of the contact {impulse:.3f} Ns, change of momentum {change:.3f} Ns")
     print(f"energy from {energy[0]:.1f} J to {energy[-1]:.1f} J")
 assert abs(impulse - change) < 1e-3 * change

@@ -100,6 +100,7 @@ simplex = latinpc.Structure(
 u, snes = solve(simplex)
 upper = (points + u)[3:]
 turned = np.degrees(np.arctan2(upper[0, 1], upper[0, 0])) - 150.0
-PETSc.Sys.Print(f"simplex: turns by {turned:.3f} degrees and rises by {u[3, 2]:.4f} m; path {latinpc.path(snes)}")
+borne = latinpc.path(snes)["borne"]
+PETSc.Sys.Print(f"simplex: turns by {turned:.3f} degrees and sinks by {-u[3, 2]:.4f} m under {borne:.0%} of the loads")
 assert abs(sag - 0.1342) < 1e-4
 assert abs(turned - 3.183) < 1e-3
