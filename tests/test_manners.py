@@ -231,6 +231,8 @@ def test_tolerances_that_stop_nothing_are_told():
     }.items():
         text = f"no solve stops at -snes_stol with -snes_latin_stop {stop}: take {instead}"
         assert text in scene.solve(options={"snes_stol": 1e-3, "snes_latin_stop": stop}).notices
+    text = "no solve stops at -snes_stol beside -snes_latin_error: leave out one of them"
+    assert text in scene.solve(options={"snes_stol": 1e-3, "snes_latin_error": 1e-3}).notices
     for stop in ("auto", "indicator"):
         assert scene.solve(options={"snes_stol": 1e-3, "snes_latin_stop": stop}).notices == []
 

@@ -112,6 +112,8 @@ def idle(snes: PETSc.SNES) -> list[str]:
         if given("snes_stol") and stop in ("residual", "error", "energy"):
             instead = "-snes_rtol" if stop == "residual" else "-snes_latin_error"
             said += [f"no solve stops at -snes_stol with -snes_latin_stop {stop}: take {instead}"]
+        elif given("snes_stol") and given("snes_latin_error") and stop in ("", "auto"):
+            said += ["no solve stops at -snes_stol beside -snes_latin_error: leave out one of them"]
         named = given(*LAGS)
         if named:
             inner = named.split()[0].replace("-", "-snes_latin_newton_", 1)
