@@ -200,3 +200,18 @@ def test_links_that_are_thicker_than_long_are_named():
     assert latinpc.Structure(**given, **held, area=[0.9, np.nan]).solve().notices == []
     with pytest.warns(latinpc.LatinWarning, match="links 0, 1 are thicker than long"):
         latinpc.solve_cases(latinpc.Structure(**given, **held, area=10.0), [latinpc.Case("a")])
+
+
+# ---- strains --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("strain, count", [(0.19, 0), (0.21, 1), (2.3, 1)])
+def test_strains_of_a_constant_stiffness_are_told(strain, count):
+    """A bar of 1 m is pulled; the cable beside it has a force density, without natural length: its strain is none."""
+    structure = latinpc.Structure(
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], ["bar", "cable"], [100.0, 70.0], geometry="large",
+        initial_elongation=[0.0, 1.0], fixed=[[1, 1], [0, 0], [1, 1]],
+        load=[[0, 0], [100.0 * strain - 70.0 * (1.0 - strain), 0.0], [0, 0]],
+    )  # fmt: skip
+    result = structure.solve()
+    assert result.converged
+    assert len(said(result, f"strains reach {100.0 * strain:.3g} %, at a constant stiffness")) == count
+    assert len(said(result, "strains reach")) == count

@@ -17,7 +17,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.results.limit import bearing, borne, branches, unstable
 from latinpc.results.loose import loose
 from latinpc.results.mechanics import slack
-from latinpc.results.notices import causes, changed, implausible, limit, magnitudes, turned
+from latinpc.results.notices import causes, changed, implausible, limit, magnitudes, strained, turned
 from latinpc.results.plots import Plots
 from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
@@ -198,4 +198,9 @@ def _gathered_local(structure, snes, core, u, factor):
 def seen(result: LocalResult) -> list[str]:
     """Return what displacements and tensions show by themselves, where no solver takes memory any more; collective."""
     part = result.part()
-    return [*implausible(part.structure), *loose(part), *(turned(part) or changed(part)), *magnitudes(part)]
+    return [
+        *implausible(part.structure),
+        *loose(part),
+        *(turned(part) or changed(part) or strained(part)),
+        *magnitudes(part),
+    ]

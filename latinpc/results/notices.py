@@ -47,6 +47,7 @@ __all__ = [
 UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 CHANGED = 0.3  # of the tensions as drawn: the most by which geometry prestress lets those of displaced links differ
+STRAINED = 0.2  # the largest strain that a constant stiffness is taken for
 HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestress holds a structure beyond it
 RIGID_WHERE_LARGE = (Law.INEXTENSIBLE, Law.CONTACT)
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
@@ -263,6 +264,24 @@ def turned(result: Result) -> list[str]:
     friction = over.largest((structure.law == Law.FRICTION).any())  # of small displacements only
     cure = "" if friction else "; take -snes_latin_geometry large"
     return [f"{' and '.join(said)}: small displacements do not hold{cure}"]
+
+
+def strained(result: Result) -> list[str]:
+    """Return a sentence where large displacements strain links of constant stiffness too far; of parts collective."""
+    structure, over = result.structure, result.structure.over_ranks
+    if structure.geometry != "large" or not result.converged:
+        return []
+    natural = structure.lengths - structure.initial_elongation
+    elastic = (structure.law <= Law.CABLE) & ~keeps_direction(structure)
+    elastic &= structure.initial_elongation <= STRAINED * natural  # not springs of a force density
+    elongation = result.tensions[elastic] / structure.stiffness[elastic]
+    strain = over.largest(np.abs(elongation / natural[elastic]).max(initial=0.0))
+    if strain <= STRAINED:
+        return []
+    return [
+        f"strains reach {100.0 * strain:.3g} %, at a constant stiffness: are the loads in N and the stiffnesses in N/m?"
+        " Materials that stretch so far have laws of their own (latinpc.register_table)"
+    ]
 
 
 def implausible(structure: Structure) -> list[str]:

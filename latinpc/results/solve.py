@@ -18,7 +18,18 @@ from latinpc.options import default_options, given_options, preset_options, unkn
 
 from .limit import bearing, borne, branches, moving, softest, unstable
 from .loose import loose
-from .notices import ConvergenceWarning, SolveError, causes, changed, implausible, limit, magnitudes, turned, warn
+from .notices import (
+    ConvergenceWarning,
+    SolveError,
+    causes,
+    changed,
+    implausible,
+    limit,
+    magnitudes,
+    strained,
+    turned,
+    warn,
+)
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
 from .unread import unread
@@ -265,7 +276,7 @@ def _gathered(structure, snes, core, u, part, factor, ends):
     }
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
     result.notices += loose(result)
-    result.notices += turned(result) or changed(result)
+    result.notices += turned(result) or changed(result) or strained(result)
     result.notices += unstable(structure, u, result.slack) if result.converged else []
     said = result.report | {"branch": branches(snes, factor)}
     result.notices += limit(structure, said, [] if mode is None else moving(mode), kind)

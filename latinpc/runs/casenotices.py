@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from latinpc.results.loose import loose
-from latinpc.results.notices import changed, magnitudes, overstretched, turned
+from latinpc.results.notices import changed, magnitudes, overstretched, strained, turned
 from latinpc.results.result import Result
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def too_far(cases: Cases) -> list[str]:
     rows = cases.report["cases"]
     for number in sorted(np.flatnonzero(cases.good), key=lambda case: -rows[case]["displacement"]):
         found = _alone(cases, number)
-        for notice in [*(turned(found) or changed(found)), *magnitudes(found)]:
+        for notice in [*(turned(found) or changed(found) or strained(found)), *magnitudes(found)]:
             kind = notice.split()[0]  # amounts differ from case to case
             said.setdefault(kind, []).append((cases.names[number], notice))
     return [
