@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.options import unknown_options
+from latinpc.options import OPTIONS, unknown_options
 from latinpc.results.unread import unread
 from latinpc.runs.checkpoint import Interrupted
 
@@ -96,6 +96,8 @@ def _run(comm, ours, petsc):
         return code or (BAD_INPUT if stray and stops else 0)
     except click.ClickException as error:
         error.show()
+        if isinstance(error, click.NoSuchOption) and (key := error.option_name.strip("-").replace("-", "_")) in OPTIONS:
+            click.echo(f"It is an option of PETSc's, with one dash: -snes_latin_{key}", err=True)
         if isinstance(error, click.MissingParameter) and any(value for _, value in petsc):
             click.echo("A word after a PETSc option is its value: put SCENE before the options.", err=True)
         return BAD_INPUT
