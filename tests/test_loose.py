@@ -11,7 +11,8 @@ import latinpc
 from latinpc.results import mechanics
 from latinpc.scenes import Law
 
-SAID = re.compile(r"links that are slack or yield leave nodes? (\d+(?:, \d+)*)\D* free in some direction")
+KINDS = "links that are slack or yield|slack links|open contacts"
+SAID = re.compile(rf"(?:{KINDS}) leave nodes? (\d+(?:, \d+)*)\D* free in some direction")
 
 
 def line(laws, stiffness, e0, load):
@@ -51,7 +52,7 @@ def test_cases_name_loose_nodes_as_a_solve_does(laws):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             found = latinpc.solve_cases(structure, [*cases, *more])
-        assert found.converged and [text for text in found.notices if "slack or yield" in text] == [f"{names}: {alone}"]
+        assert found.converged and [text for text in found.notices if SAID.search(text)] == [f"{names}: {alone}"]
         assert [str(warning.message) for warning in caught] == found.notices
 
 
@@ -152,3 +153,13 @@ def test_tight_links_that_bear_hold_a_node(law):
             load=[[0, 0], [0, 0], pull], comm=PETSc.COMM_SELF,
         ).solve()  # fmt: skip
         assert found.converged and not found.slack.any() and not named(found)
+
+
+def test_open_contacts_are_called_so():
+    """Grains are no slack links, and those of tables may yield."""
+    for laws, e0, kind in (
+        ([Law.CONTACT, Law.CONTACT, Law.BAR], [0.5, 0.5, 0.0], "open contacts"),
+        ([Law.CONTACT, Law.CABLE, Law.BAR], [0.5, -0.5, 0.0], "slack links"),
+    ):
+        (text,) = line(laws, [0.0 if law == Law.CONTACT else 10.0 for law in laws], e0, 0.0).solve().notices
+        assert text.startswith(f"{kind} leave node 1 free")

@@ -196,7 +196,7 @@ def test_reactions_balance_the_loads(draw):
     found = draw.scene().solve(
         comm=PETSc.COMM_SELF, error=1e-8, options={"snes_max_it": 3000, "snes_latin_balance": 1e-7}
     )
-    assert found.converged
+    assert found.converged, (found.reason, found.notices)
     assert found.balance.force < 1e-6 and found.balance.moment < 1e-6
     free = ~found.structure.fixed
     assert (found.reactions[free] == 0).all()

@@ -160,7 +160,7 @@ def test_what_is_no_error_is_refused(value):
 
 def test_it_is_printed():
     assert re.search(
-        r"error of the displacements [^,]+ %, of the tensions [^,]+ %, unbalanced forces",
+        r"error of the displacements [^,]+ %, of the tensions [^,]+ %\n  unbalance +[^,]+ % of the loads, at most",
         command("solve", "tensegrity-grid").stdout,
     )
 

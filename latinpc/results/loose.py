@@ -12,6 +12,8 @@ from latinpc.laws import RIGID, Law
 from .mechanics import keeps_direction, stretches, tensions_at
 
 if TYPE_CHECKING:
+    from latinpc.structure import Structure
+
     from .result import Result
 
 __all__ = ["loose"]
@@ -49,9 +51,17 @@ def loose(result: Result) -> list[str]:
         return []
     named = structure.some_nodes(free[:NAMED], len(free) > NAMED)
     return [
-        f"links that are slack or yield leave {named} free in some direction: displacements there are one"
+        f"{idle_links(structure)} leave {named} free in some direction: displacements there are one"
         " solution of many, with the same tensions"
     ]
+
+
+def idle_links(structure: Structure) -> str:
+    """Return what links are called that do not hold nodes, by the laws of all; of parts collective."""
+    over, touching = structure.over_ranks, np.isin(structure.law, (Law.CONTACT, Law.FRICTION, Law.TANGENT))
+    if over.largest((structure.law >= len(Law)).any()):
+        return "links that are slack or yield"
+    return "slack links" if over.largest((~touching & (structure.law != Law.BAR)).any()) else "open contacts"
 
 
 def _touched(structure, chosen):

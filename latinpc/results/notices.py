@@ -18,6 +18,7 @@ from latinpc.laws import Law
 from latinpc.library import _latin
 
 from . import rubbing
+from .loose import idle_links
 from .mechanics import changes_of_length, keeps_direction, tensions_at
 from .units import quantity
 
@@ -138,7 +139,7 @@ def _no_equilibrium(snes, structure):
     if jammed:
         rigid = structure.some_links(links, jammed > len(links))
         return True, [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
-    loose = "links that are slack or yield" if (structure.law >= len(Law)).any() else "slack links"
+    loose = idle_links(structure)
     if rubs and not unsupported and snes.getConvergedReason() == DTOL:
         moved = rubbing.sliding(snes, structure)
         nodes, ends = moved[:_NAMED], bool(moved)

@@ -47,7 +47,7 @@ def summary(result, verbose=False):
     if factor is not None and factor < 1.0:
         part = f"{factor:.4g}: the results are of this part of the loads"
         lines.append(("load factor", part if factor > 0.0 else "0: the results are of no stable equilibrium"))
-    lines.append(("accuracy", _accuracy(result)))
+    lines += _accuracy(result)
     if verbose:
         lines += _counts(report)
     if report.get("error_l2") is not None:
@@ -97,19 +97,20 @@ def _cost(cost):
 
 
 def _accuracy(result):
-    """Return the estimated error, where there is one, and the unbalanced forces, relative to the loads and in N."""
+    """Return lines on the estimated errors, where there are any, and on unbalanced forces."""
     parts, report = [], result.report
     if _estimated(report, "estimated_error"):
-        parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
+        parts.append(f"of the displacements {share(report['estimated_error'])}")
     if _estimated(report, "tension_error"):
         parts.append(f"of the tensions {share(report['tension_error'])}")
+    lines = [("accuracy", f"estimated error {', '.join(parts)}")] if parts else []
     if report["residual_norm"] is None:
-        return ", ".join([*parts, "unbalanced forces not known"])
+        return [*lines, ("unbalance", "not known")]
     loads = np.linalg.norm(result.load[~result.structure.fixed])
-    beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
+    beside = f"{share(report['residual_norm'] / loads)} of the loads, " if loads > 0.0 else ""
     largest = report["largest_unbalance"]
     where = f" at node {result.structure.node_name(report['unbalanced_node'])}" if largest else ""
-    return ", ".join([*parts, f"unbalanced forces{beside}, at most {quantity(largest, 'N')}{where}"])
+    return [*lines, ("unbalance", f"{beside}at most {quantity(largest, 'N')}{where}")]
 
 
 def _estimated(report, key):
