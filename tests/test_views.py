@@ -141,7 +141,8 @@ def test_a_view_makes_no_room_for_another_solve(tmp_path):
     snes.solve(None, structure.create_vec())
     iteration, newton = shown(snes, tmp_path).split("fixed-point solver:")[1].split("Newton's method by")
     assert "last solve" in newton
-    assert "SNES has not been set up" in iteration
+    assert "Number of stored past updates: 10" in iteration
+    assert "has not been set up" in shown(latinpc.outer_snes(snes), tmp_path)
 
 
 def test_one_subdomain_has_no_coarse_problem():

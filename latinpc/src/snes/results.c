@@ -307,10 +307,8 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   else if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
-    PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));
-    PetscCall(PetscViewerASCIIPushTab(viewer));
-    PetscCall(SNESView(data->outer, viewer));
-    PetscCall(PetscViewerASCIIPopTab(viewer));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver: SNES of type %s, options -%s\n", ((PetscObject)data->outer)->type_name, ((PetscObject)data->outer)->prefix));
+    PetscTryTypeMethod(data->outer, view, viewer); /* SNESView() would say that it is not set up: its vectors are freed after each solve */
   }
   if (newton->snes && newton->steps) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "by operators of the tangent stiffness" : "by the operators of the iteration",
