@@ -2,6 +2,7 @@
 
 /*
    Newton's method after the iteration of SNES latin. Linear solves: conjugate gradients with PC latin on the tangent stiffness.
+   Its convergence tests are in snes/newtontests.c.
 
    Finish: proves an error, or continues if rounding ends the iteration too early. The active set (the taut links) is nearly that
    of the solution, and for a fixed active set a Newton step is exact: its length is the error before the step, and the relative
@@ -18,20 +19,13 @@
    the requested error; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES      300                          /* most linear stages predicted: with more, the iteration stalls */
-#define LATIN_NEWTON_WINDOW      20                           /* linear stages over which the contraction rate is measured */
-#define LATIN_NEWTON_CONTRAST    1e6                          /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
-#define LATIN_NEWTON_RTOL        1e-2                         /* rtol of a linear solve while the active set changes */
-#define LATIN_NEWTON_PROOF       0.5                          /* relative residual of a linear solve below which its iterate measures the error */
-#define LATIN_NEWTON_FLOOR       LatinByPrecision(1e-8, 1e-5) /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
-#define LATIN_NEWTON_LINEAR      500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
-#define LATIN_NEWTON_STEPS       200                          /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_FULL        12                           /* full steps before the line search: if they converge, they do so soon */
-#define LATIN_NEWTON_SLOW        4                            /* first step after which other methods follow if it changes more than half as many links as the one before; not in time steps without rigid links, where full steps are faster */
-#define LATIN_NEWTON_GAIN        0.5                          /* with a fixed active set, a step that reduces the error by less than this shows rounding */
-#define LATIN_NEWTON_SAFETY_MOST 1e8                          /* largest safety factor on the relative residual of a linear solve */
-#define LATIN_NEWTON_OWN         3000                         /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_GRAINS      40000                        /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
+#define LATIN_NEWTON_STAGES   300                          /* most linear stages predicted: with more, the iteration stalls */
+#define LATIN_NEWTON_WINDOW   20                           /* linear stages over which the contraction rate is measured */
+#define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
+#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
+#define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
+#define LATIN_NEWTON_OWN      3000                         /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
+#define LATIN_NEWTON_GRAINS   40000                        /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -75,239 +69,6 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
   newton->least[0] = PETSC_MAX_REAL;
   if (!(before < PETSC_MAX_REAL) || !(target > 0.0)) return PETSC_FALSE;
   return (PetscBool)(2 * LATIN_NEWTON_WINDOW * PetscLogReal(now / target) > newton->most * PetscLogReal(before / now));
-}
-
-/*
-   Convergence test of the linear solves: inexact Newton. Stops at the rtol, or with operators of the iteration once the error left in the step is below
-   the target and the residual below newton->balance. That error is estimated from the relative residual: with PC latin the natural
-   norm of CG is about the energy norm. The residual is tested here because another Newton step would build its Krylov space anew.
-*/
-static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
-{
-  LatinNewton *newton = (LatinNewton *)ctx;
-  PetscReal    rtol, size;
-  Vec          step, r;
-
-  PetscFunctionBegin;
-  *reason = KSP_CONVERGED_ITERATING;
-  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  if (!it) newton->first = rnorm;
-  newton->left = newton->first > 0.0 ? rnorm / newton->first : 0.0;
-  if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (newton->left <= rtol) *reason = KSP_CONVERGED_RTOL;
-  else if (it >= newton->stages_left) *reason = KSP_DIVERGED_ITS;
-  if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
-  PetscCall(KSPBuildSolution(ksp, NULL, &step));
-  PetscCall(VecNorm(step, NORM_2, &size));
-  if (newton->safety * newton->left * PetscMax(size, newton->known * newton->size) > newton->target * newton->size) PetscFunctionReturn(0);
-  PetscCall(KSPBuildResidual(ksp, NULL, NULL, &r));
-  PetscCall(VecNorm(r, NORM_2, &size));
-  PetscCall(VecDestroy(&r));
-  if (size <= newton->balance) *reason = KSP_CONVERGED_RTOL;
-  PetscFunctionReturn(0);
-}
-
-/* If u is larger than the structure, that is nearly a mechanism, and a small unbalance proves nothing: *claims becomes false. Collective on newton->structure */
-static PetscErrorCode LatinNewtonNear_Private(LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims)
-{
-  PetscBool far;
-
-  PetscFunctionBegin;
-  if (!newton->proves || fnorm <= LATIN_NEWTON_FAR * newton->drive) PetscFunctionReturn(0);
-  PetscCall(LatinEquilibriumFar_Private(newton->structure, u, &far));
-  if (far) *claims = PETSC_FALSE;
-  PetscFunctionReturn(0);
-}
-
-/* Does the unbalance at u contradict convergence? The unbalance may be rounding alone. Collective on snes */
-static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
-{
-  Vec r, more;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
-  PetscCall(SNESGetRhs(snes, &more));
-  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, found));
-  PetscCall(LatinNewtonNear_Private(newton, u, fnorm, claims));
-  PetscFunctionReturn(0);
-}
-
-/* Does a correction, by one more linear stage, contradict convergence? Then its ratio to the target raises newton->safety, which tightens the linear solves. Collective on snes */
-static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
-{
-  PetscReal error, times;
-  Vec       r;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
-  PetscCall(LatinNewtonCorrection_Private(newton, u, r, &error, &newton->tensions));
-  newton->error = PetscMax(newton->error, error);
-  times         = PetscMax(error / newton->target, newton->tensions / newton->tension_target);
-  if (times <= 1.0) PetscFunctionReturn(0);
-  *claims        = PETSC_FALSE;
-  newton->safety = PetscMin(PetscMax(times, 2.0) * newton->safety, LATIN_NEWTON_SAFETY_MOST);
-  PetscFunctionReturn(0);
-}
-
-/* Verifies by the unbalance and by a correction that u has converged (*claims), or as far as rounding allows (*rounding). doubtful: only an unbalance that is all rounding proves it. Collective on snes */
-static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool doubtful, PetscBool *rounding, PetscBool *claims)
-{
-  LatinEquilibrium found;
-
-  PetscFunctionBegin;
-  PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
-  if (newton->tangent) {
-    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!doubtful || found.balanced)); /* a node with a small load may hang on slack links alone: not converged */
-  }
-  newton->tensions = found.forces;
-  if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
-  PetscFunctionReturn(0);
-}
-
-/*
-   Are there statically admissible tensions, inside the friction cones? If *held, `bears` returns them, for all links. The problem
-   of the cones has its own operators; its steps and linear stages count as Newton's. Collective on latin
-*/
-PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec more, PetscReal bears[], PetscBool *held)
-{
-  LatinEquilibrium *found = &newton->found;
-  PetscInt          steps, stages;
-  LatinStructure    cones;
-  KSP               ksp;
-  PC                pc;
-  Mat               A;
-
-  PetscFunctionBegin;
-  *held = PETSC_FALSE;
-  PetscCall(LatinConesCreate_Private(latin->sub.structure, &cones));
-  PetscCall(LatinEquilibriumPatches_Private(cones, more, found));
-  if (found->verdict != LATIN_UNBOUNDED) {
-    PetscCall(KSPCreate(PetscObjectComm((PetscObject)cones), &ksp));
-    PetscCall(KSPSetType(ksp, KSPCG));
-    PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
-    PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
-    PetscCall(KSPGetPC(ksp, &pc));
-    PetscCall(PCSetType(pc, PCLATIN));
-    PetscCall(PCLatinFollow_Private(pc, latin));
-    PetscCall(LatinStructureAttachPC(cones, pc));
-    PetscCall(PCLatinCorrected_Private(pc, PETSC_TRUE));
-    PetscCall(LatinTangentCreate_Private(cones, &A));
-    PetscCall(LatinEquilibriumCollapse_Private(cones, ksp, A, more, newton->limit - newton->stages, bears, &steps, &stages, held, found));
-    newton->steps += steps;
-    newton->stages += stages;
-    if (*held) LatinConesTensions(cones, bears);
-    PetscCall(MatDestroy(&A));
-    PetscCall(KSPDestroy(&ksp));
-  }
-  PetscCall(LatinStructureDestroy(&cones));
-  PetscFunctionReturn(0);
-}
-
-/*
-   Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly and has linear stages left; counts as its
-   steps. Needs PC latin: the operators have no entries for other preconditioners. Collective on newton->snes
-*/
-static PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
-{
-  PetscInt  steps, stages;
-  PetscBool latin, held;
-  KSP       ksp;
-  PC        pc;
-  Mat       A;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (newton->collapse_searched || !newton->tangent || !latin || newton->stages_left <= 0) PetscFunctionReturn(0);
-  newton->collapse_searched = PETSC_TRUE;
-  PetscCall(LatinEquilibriumPatches_Private(newton->structure, more, &newton->found));
-  if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
-  PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
-  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, newton->stages_left, NULL, &steps, &stages, &held, &newton->found));
-  newton->held = (PetscBool)((held || newton->structure->ground) && !newton->structure->own_laws); /* masses bear any loads */
-  newton->steps += steps;
-  newton->stages += stages;
-  newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
-  PetscFunctionReturn(0);
-}
-
-/* Length of the last step, relative to u after it, in the l2 and energy norms. Collective on snes */
-static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal *l2, PetscReal *energy)
-{
-  Vec step, before;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetSolutionUpdate(snes, &step));
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
-  PetscCall(VecWAXPY(before, 1.0, step, u));
-  PetscCall(LatinStructureComputeErrors(newton->structure, before, u, l2, energy));
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &before));
-  PetscFunctionReturn(0);
-}
-
-/* Convergence test. The error after a step is its length times the relative residual of the linear solve if the active set is unchanged, else its length */
-static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
-{
-  LatinNewton   *newton = (LatinNewton *)ctx;
-  PetscReal      before = newton->error, lambda = 1.0, energy;
-  PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, rests, slow, unexplained = PETSC_FALSE; /* the residual along the step is still larger than the linear solve explains */
-  PetscBool      confirmed = PETSC_TRUE;                                   /* two small steps in a row, if forces of stiff links hide those of soft ones */
-  Vec            u;
-  KSP            ksp;
-  Mat            P;
-  SNESLineSearch search;
-
-  PetscFunctionBegin;
-  *reason = PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm) ? SNES_DIVERGED_FUNCTION_NANORINF : SNES_CONVERGED_ITERATING;
-  if (*reason) PetscFunctionReturn(0);
-  PetscCall(SNESGetKSP(snes, &ksp));
-  PetscCall(SNESGetSolution(snes, &u));
-  PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
-  PetscCall(SNESGetLinearSolveIterations(snes, &stages));
-  newton->stages_left = newton->limit - newton->stages - stages;
-  if (!it) {
-    changes       = newton->linear ? 0 : 1;
-    newton->small = 0;
-  } else {
-    PetscCall(SNESGetJacobian(snes, NULL, &P, NULL, NULL));
-    PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
-    PetscCall(SNESGetLineSearch(snes, &search));
-    PetscCall(SNESLineSearchGetLambda(search, &lambda));
-    if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* a shortened step: links have changed along it */
-    newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
-    if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
-    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
-    newton->known = changes ? 0.0 : newton->error;
-    unexplained   = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST &&
-                              newton->slope > LATIN_NEWTON_RTOL); /* unless it is rounding; without it 2 of 150 nearly straight cables, and 1 of 150 structures with contrasts, are refused */
-    newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
-    confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 ||
-                            newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees the forces of soft links: a node that creeps behind stiff ones needs it (tests/test_collapse.py) */
-    if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
-  }
-  rounding = (PetscBool)(it > 1 && !changes && !unexplained && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* no error reduction with a fixed active set */
-  claims   = (PetscBool)(it && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance);
-  if (claims && newton->structure->penalty) PetscCall(LatinNewtonNear_Private(newton, u, fnorm, &claims));
-  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, (PetscBool)(changes || unexplained), &rounding, &claims));
-  PetscCall(LatinSelfStress_Private(newton->structure, snes->vec_rhs, it ? xnorm : PETSC_MAX_REAL, &rests));
-  if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (rests || claims || rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
-  PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
-  slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes && (newton->structure->penalty || !newton->structure->ground)));
-  newton->changes = changes;
-  if (slow && !*reason) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
-  if (it == LATIN_NEWTON_FULL && !newton->tangent && !*reason) *reason = SNES_DIVERGED_MAX_IT; /* the solution is not near: it begins again with the tangent stiffness */
-  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER;                                 /* it begins again where the interior-point method ends */
-  if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
-  PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  newton->left = 0.0; /* direct solvers do not call the test that sets it */
-  newton->size = PetscMax(newton->size, xnorm);
-  PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P, void *ctx)

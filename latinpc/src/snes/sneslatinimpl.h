@@ -84,7 +84,10 @@ typedef struct {
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension;
 } LatinNewton;
-#define LATIN_NEWTON_TIGHT LatinByPrecision(1e-9, 1e-5) /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
+#define LATIN_NEWTON_RTOL   1e-2                         /* rtol of a linear solve while the active set changes */
+#define LATIN_NEWTON_FULL   12                           /* full steps before the line search: if they converge, they do so soon */
+#define LATIN_NEWTON_LINEAR 500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
+#define LATIN_NEWTON_TIGHT  LatinByPrecision(1e-9, 1e-5) /* rtol if stiffnesses differ: forces of stiff links must not hide those of soft ones; less is rounding */
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
@@ -96,6 +99,9 @@ PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, 
 PETSC_INTERN PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *, const PetscReal stiffness[], PetscReal *firm);
 PETSC_INTERN PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinNewtonConvex_Private(LatinNewton *, Vec more, Vec u);
+PETSC_INTERN PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *, Vec more);
+PETSC_INTERN PetscErrorCode LatinNewtonLinear_Private(KSP, PetscInt it, PetscReal rnorm, KSPConvergedReason *, void *);
+PETSC_INTERN PetscErrorCode LatinNewtonConverged_Private(SNES, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
 PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 #define LATIN_CONVEX_GAP            LatinByPrecision(1e-12, 1e-6) /* of the interior-point methods: sum of the products s y relative to the work of tensions and loads, and without friction unbalance relative to the initial one, that are small enough */
 #define LATIN_NEWTON_FLOOR_GREATEST (3.0 * LATIN_MECHANISM)       /* least tangent stiffness of a link, relative to the greatest stiffness: less is a mechanism to the factorisation */
