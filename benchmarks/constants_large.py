@@ -63,10 +63,6 @@ LARGE = {
         "The least mean c: times `LATIN_FRAME_FLOOR` it is still a hundred times what a mechanism is to rounding.",
     ),
     "LATIN_FRAME_NONE": ("of the mean stiffness", "c where nothing is taut: any that keeps the operators regular."),
-    "LATIN_LARGE_CARRIED": (
-        "of the size",
-        "From there no node passes its support: with 1, 4 and 16 all of 100 nets that a load turns over are solved.",
-    ),
     "LATIN_LARGE_NEAR": (
         "of the displacements",
         "Where Newton's method starts: 16 nets take 492 stages, 74 set-ups, with 1e-3 562, 81, with 5e-2 329, 93.",

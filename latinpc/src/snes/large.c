@@ -9,19 +9,15 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_NEAR       2e-2                          /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR        0.01                          /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_WINDOW     8                             /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW       2                             /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST       40                            /* times that Newton's method gets operators of the tangent stiffness: it needs 1 to 30 */
-#define LATIN_LARGE_COST       30                            /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED      5.0                           /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE       0.2                           /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_REST       LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
-#define LATIN_LARGE_IDLE       10                            /* if so many in a row do not halve the measure of the stop */
-#define LATIN_LARGE_PATIENCE   500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
-#define LATIN_LARGE_STAGNATION 3   /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces have halved */
-#define LATIN_LARGE_CREEPS     0.9 /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far */
+#define LATIN_LARGE_NEAR       2e-2 /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_WINDOW     8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW       2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
+#define LATIN_LARGE_MOST       40   /* times that Newton's method gets operators of the tangent stiffness: it needs 1 to 30 */
+#define LATIN_LARGE_COST       30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED      5.0  /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE       0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_STAGNATION 3    /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces have halved */
+#define LATIN_LARGE_CREEPS     0.9  /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far */
 
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
@@ -58,74 +54,10 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->near     = LATIN_LARGE_NEAR;
   large->half     = PETSC_MAX_REAL;
   large->halved   = 0;
-  large->unstable = large->newton_failed = large->stateless = large->iterated = PETSC_FALSE;
+  large->unstable = large->newton_failed = large->inside_failed = large->stateless = large->iterated = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Do operators made at the present displacements pay? They do where more linear stages are left, at the rate of the last
-   window, than a set-up costs; what is left is the way to what the stop asks for, or to where Newton's method takes over. To be
-   called once a stage. Not collective
-*/
-static PetscBool LatinLargeDue(LatinLarge *large, PetscReal measure, PetscReal goal)
-{
-  PetscReal gain, left;
-
-  large->least = PetscMin(large->least, measure);
-  if (++large->stages < large->window) return PETSC_FALSE;
-  gain          = PetscLogReal(large->before / large->least);
-  left          = PetscLogReal(large->least / goal);
-  large->before = PetscMin(large->before, large->least);
-  large->least  = PETSC_MAX_REAL;
-  large->stages = 0;
-  return (PetscBool)(left > 0.0 && large->window * left > large->cost * gain);
-}
-
-/* Has the iteration come to rest but for rounding: do stages change little, and not halve the measure of the stop? Once a stage */
-static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal indicator)
-{
-  large->idle = indicator <= LATIN_LARGE_REST && measure > 0.5 * large->lowest ? large->idle + 1 : 0;
-  if (!large->idle) large->lowest = measure;
-  return (PetscBool)(large->idle >= LATIN_LARGE_IDLE);
-}
-
-/* Is a time step given up? The equations of one that is long beside the periods may have no solution that can be found. Once a stage */
-static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscInt stage)
-{
-  if (measure <= 0.5 * large->half) {
-    large->half   = measure;
-    large->halved = stage;
-  }
-  return (PetscBool)(large->frame->turns->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
-}
-
-/* What follows this linear stage. Collective on snes */
-static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
-{
-  SNES_Latin        *data   = (SNES_Latin *)snes->data;
-  LatinLarge        *large  = &data->large;
-  const LatinLinear *linear = &data->latin->linear;
-  const PetscBool    proves = SNESLatinLargeProves(data), rests = (PetscBool)(linear->distance <= linear->noise);
-
-  PetscFunctionBegin;
-  if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  if (linear->failed) *next = LATIN_NEXT_FAILED;
-  else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
-  else if (SNESLatinUserTest(snes)) target = 0.0; /* the user's test decides */
-  else if (proves && (measure <= large->near || rests)) *next = LATIN_NEXT_NEWTON_FINISH;
-  else if (!proves && measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
-  else if (!proves && rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
-  else if (!proves && LatinLargeIdles(large, measure, linear->indicator)) *next = LATIN_NEXT_ROUNDING;
-  if (*next == LATIN_NEXT_CONVERGED && SNESLatinEstimates(data)) {
-    PetscCall(SNESLatinResidual_Private(snes));
-    if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
-  }
-  if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE && (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
-  if (*next == LATIN_NEXT_CONTINUE && LatinLargeDue(large, measure, proves ? large->near : target)) *next = LATIN_NEXT_REBUILD;
   PetscFunctionReturn(0);
 }
 
@@ -184,8 +116,8 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   PetscFunctionReturn(0);
 }
 
-/* The largest norm of the unbalanced forces at convergence */
-static PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
+/* The largest norm of the unbalanced forces at convergence. Collective on snes */
+PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
@@ -348,58 +280,5 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBo
   PetscCall(PetscFree(large->ahead));
   if (!*done && !(large->iterated && measures && !large->unstable && large->first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
-  PetscFunctionReturn(0);
-}
-
-/* Newton's method after the iteration; where it fails this goes on, closer to the solution. Collective on snes */
-static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
-{
-  SNES_Latin     *data     = (SNES_Latin *)snes->data;
-  LatinLarge     *large    = &data->large;
-  const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
-  const PetscInt  renewals = large->renewals;
-  PetscBool       far;
-
-  PetscFunctionBegin;
-  PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-  large->iteration_error[0] = large->iteration_error[1] = 0.0;
-  large->iterated                                       = PETSC_TRUE;
-  PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_TRUE, done));
-  large->iterated = PETSC_FALSE;
-  if (*done) PetscFunctionReturn(0);
-  if (large->renewals > renewals || !large->frame->turns->midpoint) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
-  data->current        = -1;
-  large->newton_failed = PETSC_TRUE;
-  large->near *= LATIN_LARGE_FAR;
-  PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
-  if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
-  PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
-  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* rigid links whose lengths are incompatible push each other */
-  data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* displacements that leap away rest nowhere */
-  *done      = PETSC_TRUE;
-  PetscFunctionReturn(0);
-}
-
-/* For the loads that there are, from the state z on. Collective on snes */
-PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
-{
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  LatinLarge *large = &data->large;
-  PetscBool   done  = PETSC_FALSE, rests;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinLargeBalance_Private(snes));
-  PetscCall(SNESLatinLargeRests_Private(snes, &rests));
-  if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_FALSE, PETSC_FALSE, &done));
-  while (!done) {
-    PetscCall(SNESLatinLargeState_Private(snes));
-    PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeDecide_Private));
-    if (data->next == LATIN_NEXT_REBUILD) {
-      PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      if (!large->renewals || large->newton_failed || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
-      else PetscCall(SNESLatinLargeProve_Private(snes, &done));
-    } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
-    else done = PETSC_TRUE;
-  }
   PetscFunctionReturn(0);
 }

@@ -1,20 +1,5 @@
 #include "snes/sneslatinimpl.h"
 
-#define LATIN_LARGE_CARRIED 4.0 /* times the size of the structure: displacements along the loads from which cables are taut */
-
-/* Displacements u where loads may carry their nodes. Collective on snes */
-static PetscErrorCode LatinConvexCarried_Private(SNES snes, Vec u)
-{
-  const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  PetscReal         most;
-
-  PetscFunctionBegin;
-  PetscCall(LatinStructureLoads_Private(large->frame->turns, snes->vec_rhs, u));
-  PetscCall(VecNorm(u, NORM_INFINITY, &most));
-  if (most > 0.0) PetscCall(VecScale(u, LATIN_LARGE_CARRIED * large->size / most));
-  PetscFunctionReturn(0);
-}
-
 /* The equilibrium of cables, if *found, and tensions. Collective on snes */
 static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], PetscBool *found)
 {
@@ -24,7 +9,7 @@ static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], 
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &start));
-  PetscCall(LatinConvexCarried_Private(snes, start));
+  PetscCall(VecZeroEntries(start));
   PetscCall(SNESLatinLargeFrom_Private(snes, start, PETSC_TRUE, NULL));
   PetscCall(DMRestoreGlobalVector(structure->dm, &start));
   *found = LatinNextConverged(data->next);
@@ -66,28 +51,5 @@ PetscErrorCode SNESLatinLargeTaut_Private(SNES snes, Vec u, PetscBool *taut)
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &other, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));
   *taut = (PetscBool)(*taut && !other);
   if (*taut) PetscCall(VecCopy(snes->vec_sol, u));
-  PetscFunctionReturn(0);
-}
-
-/*
-   Where the iteration over links that only pull or push leaps away it proves nothing: their energy is convex. An interior-point method goes down it,
-   from where loads may carry their nodes: there links are taut, and no node has to pass its support. Collective on snes
-*/
-PetscErrorCode SNESLatinLargeConvex_Private(SNES snes)
-{
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
-  PetscBool            done      = PETSC_FALSE;
-  Vec                  away;
-
-  PetscFunctionBegin;
-  if ((data->next != LATIN_NEXT_DIVERGED && data->next != LATIN_NEXT_NOT_FINITE) || structure->midpoint || !SNESLatinLargeProves(data)) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(structure->dm, &away));
-  PetscCall(VecCopy(snes->vec_sol, away));
-  PetscCall(LatinConvexCarried_Private(snes, snes->vec_sol));
-  PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
-  if (!done) data->next = LATIN_NEXT_DIVERGED;
-  if (!done) PetscCall(VecCopy(away, snes->vec_sol));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &away));
   PetscFunctionReturn(0);
 }

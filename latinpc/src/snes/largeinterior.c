@@ -365,16 +365,18 @@ static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point
 }
 
 /*
-   Tensions and slacks at the displacements in the solution vector: of elastic links such that t s = force^2 / k; where some do not stretch these would be
-   far from those of others, and all start with force densities and slacks alike. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
+   Tensions and slacks at the displacements in the solution vector: of elastic links such that t s = force^2 / k, beside links that bear both tension and compression;
+   without these, where far from the solution few links or none may be taut, and where some do not stretch, whose products would be far from those of others, all start with force densities and slacks alike. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
 */
 static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, PetscBool *suits)
 {
   const LatinStructure structure = point->structure;
   PetscReal            sum[3] = {0.0, 0.0, 0.0}, least = PETSC_MAX_REAL;
   PetscMPIInt          rigid = 0;
+  PetscBool            both  = PETSC_FALSE;
 
   PetscFunctionBegin;
+  PetscCall(LatinPathStruts_Private(structure, &both));
   PetscCall(LatinInteriorHeld_Private(point));
   PetscCall(LatinInteriorMeasure_Private(point, snes->vec_sol));
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -396,7 +398,7 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
     const PetscReal mean = sum[1] / PetscMax(sum[2], 1.0), ratio = LatinStructureKeeps(structure, l) ? 1.0 : point->length[l] / mean;
 
     if (!LatinInteriorUnilateral(point, l)) continue;
-    if (point->rigid) {
+    if (point->rigid || !(both || structure->penalty)) {
       point->t[l] = point->force * ratio;
       point->s[l] = PetscMax(point->gap[l], LATIN_INTERIOR_FIRST * ratio * mean);
     } else {

@@ -358,7 +358,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   }
   if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
-    if (!struts) PetscCall(SNESLatinLargeConvex_Private(snes));
+    if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, &from));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);

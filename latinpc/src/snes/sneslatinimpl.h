@@ -134,7 +134,7 @@ PETSC_INTERN PetscErrorCode LatinParameterLoads_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
-/* ---- large displacements: frame and course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
+/* ---- large displacements: frame and course of a solve (snes/large.c, snes/largeiterate.c, snes/largenewton.c, snes/largepath.c) ---- */
 #define LATIN_LARGE_HOLD   0.3  /* stiffness of slack cables, relative to the mean tension over length, per relative step; with 0.1 and 1 masts take more stages */
 #define LATIN_LARGE_HELD   0.03 /* the same with linearised laws; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
 #define LATIN_LARGE_SAFETY 4.0  /* safety factor on the error after a step */
@@ -162,6 +162,7 @@ typedef struct {
   PetscReal cost;           /* cost of a set-up, in linear stages */
   PetscBool stateless;      /* operators of the tangent stiffness; the state does not yet correspond to the solution vector */
   PetscBool newton_failed;  /* Newton's method has failed: it is tried again only near the solution */
+  PetscBool inside_failed;  /* so has the interior-point method of links that only pull or push: it is not tried again */
   /* of Newton's method */
   Vec        between[2];         /* two equilibria, NULL: none; initial strains are interpolated between theirs, since those of an interpolated guess are wrong by the rotations */
   PetscReal  part;               /* interpolation parameter between them: 0 the first, 1 the second */
@@ -369,7 +370,7 @@ PETSC_INTERN PetscErrorCode SNESLatinResetState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinSetUpState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinCopyReference_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLoad_Private(SNES);
-/* snes/large.c, snes/largenewton.c, snes/largepath.c */
+/* snes/large.c, snes/largeiterate.c, snes/largenewton.c, snes/largepath.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscBool renews, PetscBool near, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
@@ -397,9 +398,10 @@ PETSC_INTERN PetscErrorCode SNESLatinSupportsAhead_Private(SNES, Vec u, Vec rate
 PETSC_INTERN PetscErrorCode SNESLatinSupportsEnd_Private(SNES, PetscReal reached, PetscReal *borne);
 PETSC_INTERN PetscErrorCode LatinSupportsReset_Private(LatinLarge *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
-PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES); /* snes/largeconvex.c */
-PETSC_INTERN PetscErrorCode SNESLatinLargeTaut_Private(SNES, Vec u, PetscBool *taut);
+PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES, PetscBool *done);      /* snes/largedown.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeTaut_Private(SNES, Vec u, PetscBool *taut); /* snes/largeconvex.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeCorrect_Private(SNES, Vec u, Vec ahead, PetscReal *norm);
 PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
