@@ -37,6 +37,27 @@ def net_above_a_floor(seed):
     }
 
 
+@pytest.mark.parametrize(("law", "aside", "keeps"), [
+    ("compression_only", 0.0, False), ("compression_only", 0.3, True), ("contact", 0.0, True), ("contact", 0.3, True),
+])  # fmt: skip
+def test_a_direction_along_the_line_of_the_nodes_turns_with_them(law, aside, keeps):
+    """A node slides along its floor at the height of its contact, or falls on the circle that a strut makes."""
+    structure = {
+        "nodes": [[0.0, 0.0], [-aside, -1.0], [-1.0, 0.0]],
+        "links": [[1, 0], [2, 0]],
+        "law": [law, "bar"],
+        "stiffness": [1e6 if law == "compression_only" else 0.0, 10.0],
+        "direction": [[0.0, 1.0], [0.0, 0.0]],
+        "fixed": [[False, False], [True, True], [True, True]],
+        "load": [[1.0, -1.0], [0.0, 0.0], [0.0, 0.0]],
+    }
+    result = solve(structure, error=1e-9)
+    assert result.converged
+    along, up = result.displacements[0]
+    assert along > 0.09
+    assert up == pytest.approx(0.0 if keeps else np.sqrt(1.0 - along**2) - 1.0, abs=1e-5)
+
+
 def job():
     """Return stages and tensions of each net, on the ranks there are."""
     found = {}
