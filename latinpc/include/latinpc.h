@@ -185,7 +185,6 @@ PETSC_EXTERN PetscErrorCode LatinStructureGetDisplacements(LatinStructure, Vec u
 PETSC_EXTERN PetscErrorCode LatinStructureGetTensions(LatinStructure, Vec u, PetscReal tension[]);
 PETSC_EXTERN PetscErrorCode LatinStructureGetTensionRates(LatinStructure, Vec u, Vec v, PetscReal rate[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetDisplacements(LatinStructure, const PetscReal displacement[], Vec u);
-PETSC_EXTERN PetscErrorCode LatinStructureReference(LatinStructure);
 PETSC_EXTERN PetscErrorCode LatinStructureDestroy(LatinStructure *);
 
 /* ---- solvers ---- */

@@ -75,21 +75,6 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinStructureReference - Adds a reference to a structure; each is released by `LatinStructureDestroy()`.
-
-  Not collective
-
-  Level: advanced
-@*/
-PetscErrorCode LatinStructureReference(LatinStructure structure)
-{
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCall(PetscObjectReference((PetscObject)structure));
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
 {
   const PetscInt n = dim * nodes_local;
