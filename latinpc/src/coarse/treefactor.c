@@ -94,18 +94,10 @@ static PetscErrorCode LatinTreeInfo_Mat(Mat F, MatInfoType flag, MatInfo *info)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinTreeType_Mat(Mat F, MatSolverType *type)
-{
-  PetscFunctionBegin;
-  *type = LATIN_TREE;
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode LatinTreeDestroy_Mat(Mat F)
 {
   PetscFunctionBegin;
   PetscCall(LatinTreeReset_Private((LatinTree *)F->data));
-  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", NULL));
   PetscCall(PetscFree(F->data));
   PetscFunctionReturn(0);
 }
@@ -118,24 +110,15 @@ static PetscErrorCode LatinTreeCreate_Mat(Mat A, MatFactorType type, Mat *factor
 
   PetscFunctionBegin;
   PetscCall(MatGetLocalSize(A, &n, NULL));
-  PetscCall(MatCreate(PetscObjectComm((PetscObject)A), &F));
-  PetscCall(MatSetSizes(F, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(PetscStrallocpy(LATIN_TREE, &((PetscObject)F)->type_name));
-  PetscCall(MatSetUp(F));
   PetscCall(PetscNew(&tree));
-  tree->comm                     = MPI_COMM_NULL;
-  F->data                        = tree;
+  tree->comm = MPI_COMM_NULL;
+  PetscCall(LatinFactorShell_Private(PetscObjectComm((PetscObject)A), n, LATIN_TREE, tree, &F));
   F->ops->choleskyfactorsymbolic = LatinTreeSymbolic_Mat;
   F->ops->solve                  = LatinTreeSolve_Mat;
   F->ops->view                   = LatinTreeView_Mat;
   F->ops->getinfo                = LatinTreeInfo_Mat;
   F->ops->destroy                = LatinTreeDestroy_Mat;
-  F->factortype                  = type;
-  F->assembled = F->preallocated = PETSC_TRUE;
-  PetscCall(PetscFree(F->solvertype));
-  PetscCall(PetscStrallocpy(LATIN_TREE, &F->solvertype));
-  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", LatinTreeType_Mat));
-  *factor = F;
+  *factor                        = F;
   PetscFunctionReturn(0);
 }
 

@@ -338,13 +338,6 @@ static PetscErrorCode LatinCholeskyInfo_Private(Mat F, MatInfoType flag, MatInfo
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinCholeskyType_Private(Mat F, MatSolverType *type)
-{
-  PetscFunctionBegin;
-  *type = LATIN_CHOLESKY;
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -358,7 +351,6 @@ static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
   PetscCall(PetscFree(data->diagonal));
   PetscCall(MatDestroy(&F->schur));
   PetscCall(PetscFree(data->schur));
-  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", NULL));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorSetSchurIS_C", NULL));
   PetscCall(PetscFree(F->data));
   PetscFunctionReturn(0);
@@ -372,29 +364,20 @@ static PetscErrorCode LatinCholeskyCreate_Private(Mat A, MatFactorType type, Mat
 
   PetscFunctionBegin;
   PetscCall(MatGetSize(A, &n, NULL));
-  PetscCall(MatCreate(PETSC_COMM_SELF, &F));
-  PetscCall(MatSetSizes(F, n, n, n, n));
-  PetscCall(PetscStrallocpy(LATIN_CHOLESKY, &((PetscObject)F)->type_name));
-  PetscCall(MatSetUp(F));
   PetscCall(PetscNew(&data));
   PetscCall(PetscCalloc1(n, &data->keep));
   data->n = n;
   CHOLMOD(start)(&data->common);
-  data->common.error_handler     = NULL; /* failures are read off */
-  data->common.print             = 0;
-  data->common.final_ll          = 1;
-  F->data                        = data;
+  data->common.error_handler = NULL; /* failures are read off */
+  data->common.print         = 0;
+  data->common.final_ll      = 1;
+  PetscCall(LatinFactorShell_Private(PETSC_COMM_SELF, n, LATIN_CHOLESKY, data, &F));
   F->ops->choleskyfactorsymbolic = LatinCholeskySymbolic_Private;
   F->ops->solve                  = LatinCholeskySolve_Private;
   F->ops->matsolve               = LatinCholeskyMatSolve_Private;
   F->ops->view                   = LatinCholeskyView_Private;
   F->ops->getinfo                = LatinCholeskyInfo_Private;
   F->ops->destroy                = LatinCholeskyDestroy_Private;
-  F->factortype                  = type;
-  F->assembled = F->preallocated = PETSC_TRUE;
-  PetscCall(PetscFree(F->solvertype));
-  PetscCall(PetscStrallocpy(LATIN_CHOLESKY, &F->solvertype));
-  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", LatinCholeskyType_Private));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorSetSchurIS_C", LatinCholeskyKeep_Private));
   *factor = F;
   PetscFunctionReturn(0);

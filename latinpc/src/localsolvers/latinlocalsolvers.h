@@ -46,6 +46,9 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
   return (PetscBool)(status->ierr || status->failed || status->mechanism);
 }
 
+/* ---- the Mat of a factor of ours (localsolvers/factorshell.c) ---- */
+PETSC_INTERN PetscErrorCode LatinFactorShell_Private(MPI_Comm, PetscInt n, MatSolverType, void *data, Mat *F);
+
 /* ---- the order of elimination (localsolvers/ordering.c) ---- */
 #define LATIN_ORDERING "latin"       /* a MatOrderingType */
 #define LATIN_PLACES   "LatinPlaces" /* name of the coordinates of nodes composed on a matrix, a Vec whose block size is the dimension */
