@@ -61,68 +61,14 @@ PetscErrorCode LatinSupernodesReset(LatinSupernodes *data)
   PetscFunctionReturn(0);
 }
 
-/*
-   Refines an order in which rows are in classes, those from a to b - 1, each of which begins where cut[]: of each class the rows
-   with in[row] == set come together, next to those of the class before it if these are at its end
-*/
-static void LatinSupernodesRefine(PetscInt a, PetscInt b, const PetscInt in[], PetscInt set, PetscInt sequence[], PetscBool cut[], PetscInt work[])
-{
-  for (PetscInt start = a, end; start < b; start = end) {
-    const PetscBool joins = (PetscBool)(start > a && in[sequence[start - 1]] == set);
-    PetscInt        at = start, others = 0;
-
-    for (end = start + 1; end < b && !cut[end];) end++;
-    for (PetscInt k = start; k < end; k++)
-      if ((in[sequence[k]] == set) == joins) sequence[at++] = sequence[k];
-      else work[others++] = sequence[k];
-    if (at < end) cut[at] = PETSC_TRUE;
-    for (PetscInt k = 0; k < others; k++) sequence[at + k] = work[k];
-  }
-}
-
-/*
-   The order of the columns within each supernode, which does not change the entries of the factor: rows that are consecutive in a
-   front are to be so in its parent, so that extend-add goes by long vectors. Supernodes are refined by the rows of the fronts
-   that reach them, the last ones first (Jacquelin, Ng and Peyton 2021). Rows from `inside` on, which are kept, stay in their order
-*/
-static PetscErrorCode LatinSupernodesArrange_Private(PetscInt n, PetscInt inside, PetscInt fronts, const PetscInt first[], const PetscInt begin[], PetscInt row[], PetscInt order[])
-{
-  PetscInt  *sequence, *in, *work, *place;
-  PetscBool *cut;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc5(n, &sequence, n, &in, n, &work, n, &place, n, &cut));
-  for (PetscInt r = 0; r < n; r++) {
-    sequence[r] = r;
-    in[r]       = -1;
-    cut[r]      = PETSC_FALSE;
-  }
-  for (PetscInt f = fronts - 1; f >= 0; f--)
-    for (PetscInt k = begin[f] + first[f + 1] - first[f], q = f, next; k < begin[f + 1]; k = next) {
-      while (first[q + 1] <= row[k]) q++;
-      for (next = k; next < begin[f + 1] && row[next] < first[q + 1]; next++) in[row[next]] = f;
-      LatinSupernodesRefine(first[q], PetscMin(first[q + 1], inside), in, f, sequence, cut, work);
-    }
-  for (PetscInt r = 0; r < n; r++) {
-    place[sequence[r]] = r;
-    work[r]            = order[sequence[r]];
-  }
-  PetscCall(PetscArraycpy(order, work, n));
-  for (PetscInt k = 0; k < begin[fronts]; k++) row[k] = place[row[k]];
-  for (PetscInt f = 0; f < fronts; f++) PetscCall(PetscSortInt(begin[f + 1] - begin[f], row + begin[f]));
-  PetscCall(PetscFree5(sequence, in, work, place, cut));
-  PetscFunctionReturn(0);
-}
-
-/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each; of these it arranges the lists */
+/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each */
 static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscInt bs)
 {
   const PetscInt *super = (const PetscInt *)data->L->super, *begin = (const PetscInt *)data->L->pi, fronts = (PetscInt)data->L->nsuper, entries = begin[fronts];
-  PetscInt       *perm = (PetscInt *)data->L->Perm, *row = (PetscInt *)data->L->s;
+  const PetscInt *perm = (const PetscInt *)data->L->Perm, *row = (const PetscInt *)data->L->s;
 
   PetscFunctionBegin;
   PetscCall(LatinSupernodesReset(data));
-  PetscCall(LatinSupernodesArrange_Private(data->n / bs, (data->n - data->kept) / bs, fronts, super, begin, row, perm));
   PetscCall(PetscMalloc4(data->n, &data->order, fronts + 1, &data->first, fronts + 1, &data->begin, bs * entries, &data->row));
   for (PetscInt r = 0; r < data->n; r++) data->order[r] = bs * perm[r / bs] + r % bs;
   for (PetscInt f = 0; f <= fronts; f++) {
