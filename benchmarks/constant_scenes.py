@@ -299,18 +299,6 @@ def crumbs(links):
     return f"{report['iterations'] if report['converged'] else NONE} ({report['subdomains']}; {size})"
 
 
-def factors(name, parts):
-    """Entries of the factors of the subdomains, in thousands."""
-    scene = replace(STRUCTURES[name]()[0], subdomain=None)
-    structure = latinpc.Structure.from_scene(scene)
-    with default_options({"snes_latin_subdomains": parts}):
-        snes = structure.create_snes()
-        snes.setFromOptions()
-        snes.setUp()
-    kept = {k.handle: k for k in (latinpc.local_ksp(snes, i) for i in range(parts))}
-    return f"{sum(k.getPC().getFactorMatrix().getInfo()['nz_used'] for k in kept.values()) / 1e3:.0f}"
-
-
 def inexact(name, folder):
     """Linear stages to an indicator of 1e-9, and the true error, with conjugate gradients inside the subdomains."""
     scene, more = STRUCTURES[name]()
@@ -446,11 +434,6 @@ SCENES = {
                                           "-ksp_type", "latin", "-pc_type", "none") for jump in ("inside", "random")},
     **{f"{name}, parts": partial(partition, name) for name in ("grid cut", "truss cut", "network", "lattice cut")},
     **{f"{links} links a part": partial(crumbs, links) for links in (2, 6, 12, 24, 48)},
-    "factors, network 2000 in 2": lambda: factors("network 2000", 2),
-    "factors, network 2000 in 12": lambda: factors("network 2000", 12),
-    "factors, grid in 4": lambda: factors("grid", 4),
-    "factors, grid in 36": lambda: factors("grid", 36),
-    "factors, lattice in 2": lambda: factors("lattice", 2),
     **{f"{name}, CG inside": partial(inexact, name) for name in ("grid cut", "network")},
     **{f"two ranks, {name}": partial(work, name) for name in ("grid", "network", "network 2000", "lattice")},
     **{f"rounding, {name}": partial(rounding, name) for name in ("grid", "network", "lattice")},

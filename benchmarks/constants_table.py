@@ -45,8 +45,6 @@ JUMPS = ("MATIS elasticity", "MATIS inside 40", "MATIS inside 100", "MATIS insid
          "MATIS random 1e+06", "MATIS inside 3D", "KSP latin MATIS inside", "KSP latin MATIS random")  # fmt: skip
 PARTS = ("grid cut, parts", "truss cut, parts", "network, parts", "lattice cut, parts")
 CRUMBS = ("2 links a part", "6 links a part", "12 links a part", "24 links a part", "48 links a part")
-FACTORS = ("factors, grid in 36", "factors, network 2000 in 12", "factors, grid in 4", "factors, lattice in 2",
-           "factors, network 2000 in 2")  # fmt: skip
 EXTREMES = tuple(f"extremes, {suite}" for suite in ("catalogue", "rigid", "motions"))
 HALF = (0.125, 0.25, 0.75, 0.95)
 
@@ -400,12 +398,6 @@ TUNING = {
         so="Four times the value refuses two motions of the suite; less costs nothing to speak of.",
     ),
     # solvers
-    "LATIN_LARGE": Tuning(
-        "rows",
-        "order of elimination: nested dissection or minimum degree",
-        FACTORS,
-        so="Half costs entries on networks; twice saves 9 percent on one grid; four times costs 6 on others.",
-    ),
     "LATIN_INEXACT_RTOL": Tuning(
         "of the residual",
         "iterative solvers taken to be exact",

@@ -18,7 +18,7 @@ static void LatinCholeskyWrap(PetscInt n, const PetscInt i[], const PetscInt j[]
   *A = (cholmod_sparse){.nrow = (size_t)n, .ncol = (size_t)n, .nzmax = (size_t)i[n], .p = (void *)i, .i = (void *)j, .stype = 1, .itype = CHOLMOD_NUMBER, .xtype = CHOLMOD_PATTERN, .dtype = CHOLMOD_DOUBLE, .packed = 1};
 }
 
-/* The symbolic analysis for an order of elimination; without one, for minimum degree, or, of a matrix that is nearly full, for the order as it is */
+/* The symbolic analysis for an order of elimination; without one, for the order as it is */
 static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmod_sparse *A, PetscInt order[], PetscBool postorder)
 {
   cholmod_common *common = &data->common;
@@ -26,7 +26,7 @@ static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmo
   PetscFunctionBegin;
   PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
   common->nmethods           = 1;
-  common->method[0].ordering = order ? CHOLMOD_GIVEN : (double)A->nzmax > LATIN_CHOLESKY_FULL * (double)A->nrow * (double)A->ncol ? CHOLMOD_NATURAL : CHOLMOD_AMD;
+  common->method[0].ordering = order ? CHOLMOD_GIVEN : CHOLMOD_NATURAL;
   common->postorder          = postorder;
   common->supernodal         = postorder && data->kept ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
   data->L                    = CHOLMOD(analyze_p)(A, order, NULL, 0, common);
@@ -126,7 +126,7 @@ static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const Pet
   PetscFunctionReturn(0);
 }
 
-/* An order of elimination of the nodes, *order[n], or NULL where that of CHOLMOD will do; kept with the matrix, and taken from it where it has one already */
+/* An order of elimination of the nodes, *order[n], or NULL where the matrix is nearly full; kept with the matrix, and taken from it where it has one already */
 static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
 {
   const PetscInt *before;
@@ -134,7 +134,7 @@ static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Ma
 
   PetscFunctionBegin;
   *order = NULL;
-  if (!data->kept && (n <= LATIN_LARGE || i[n] >= LATIN_CHOLESKY_FULL * n * n)) PetscFunctionReturn(0);
+  if (!data->kept && i[n] >= LATIN_CHOLESKY_FULL * n * n) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n, order));
   PetscCall(PetscObjectQuery((PetscObject)A, LATIN_ORDER, (PetscObject *)&is));
   if (is && !data->kept) {

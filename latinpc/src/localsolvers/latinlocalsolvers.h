@@ -10,8 +10,6 @@
 /* ---- direct solvers (localsolvers/factor.c) ---- */
 #define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that is rounding alone */
 
-#define LATIN_LARGE 1000 /* rows of a subdomain beyond which nested dissection of the nodes fills less than minimum degree, and pays for itself */
-
 #define LATIN_ROUNDED_CONTRACTION 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
 
 /* Precision of a factor, requested or in use */
