@@ -376,7 +376,7 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   PetscBool            both  = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathStruts_Private(structure, &both));
+  PetscCall(LatinPathStruts_Private(structure, &both, NULL));
   PetscCall(LatinInteriorHeld_Private(point));
   PetscCall(LatinInteriorMeasure_Private(point, snes->vec_sol));
   for (PetscInt l = 0; l < structure->links_local; l++) {

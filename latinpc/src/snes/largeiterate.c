@@ -86,7 +86,7 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   large->iterated                                       = PETSC_TRUE;
   PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_TRUE, done));
   large->iterated = PETSC_FALSE;
-  if (!*done && large->newton_failed) PetscCall(SNESLatinLargeConvex_Private(snes, done));
+  if (!*done && large->newton_failed) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_FALSE, done));
   if (*done) PetscFunctionReturn(0);
   if (large->renewals > renewals || !large->frame->turns->midpoint) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   data->current        = -1;
@@ -117,7 +117,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeDecide_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      if (large->newton_failed) PetscCall(SNESLatinLargeConvex_Private(snes, &done));
+      if (large->newton_failed) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_FALSE, &done));
       if (done) break;
       if (!large->renewals || large->newton_failed || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
       else PetscCall(SNESLatinLargeProve_Private(snes, &done));

@@ -88,15 +88,18 @@ PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
   PetscFunctionReturn(0);
 }
 
-/* Can any link bear compression? Collective on structure */
-PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts)
+/* Can any link bear compression, but for those that keep their direction, which are floors? floors, unless NULL: are there any? Collective on structure */
+PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts, PetscBool *floors)
 {
-  PetscMPIInt any = 0;
+  PetscMPIInt any[2] = {0, 0};
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE && !LatinStructureKeeps(structure, l)) any = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *struts = (PetscBool)any;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinStructureKeeps(structure, l)) any[1] = 1;
+    else if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE) any[0] = 1;
+  }
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 2, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  *struts = (PetscBool)any[0];
+  if (floors) *floors = (PetscBool)any[1];
   PetscFunctionReturn(0);
 }

@@ -351,14 +351,14 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathStruts_Private(structure, &struts));
+  PetscCall(LatinPathStruts_Private(structure, &struts, NULL));
   if (structure->midpoint && SNESLatinLargeProves(data)) {
     PetscCall(SNESLatinLargeStep_Private(snes));
     PetscFunctionReturn(0);
   }
   if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
-    if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, &from));
+    if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_TRUE, &from));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);

@@ -88,7 +88,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   PetscBool         struts = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathStruts_Private(data->large.frame->turns, &struts));
+  PetscCall(LatinPathStruts_Private(data->large.frame->turns, &struts, NULL));
   *convex = (PetscBool)(!struts && SNESLatinLargeProves(data) && !SNESLatinWarm(data) && !SNESLatinUserTest(snes));
   PetscFunctionReturn(0);
 }

@@ -385,7 +385,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool ne
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec f);
-PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts);
+PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts, PetscBool *floors);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscBool stiffer, PetscReal slope[]);                       /* snes/largekinks.c */
@@ -400,8 +400,8 @@ PETSC_INTERN PetscErrorCode LatinSupportsReset_Private(LatinLarge *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
-PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES, PetscBool *done);      /* snes/largedown.c */
-PETSC_INTERN PetscErrorCode SNESLatinLargeTaut_Private(SNES, Vec u, PetscBool *taut); /* snes/largeconvex.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES, PetscBool leapt, PetscBool *done); /* snes/largedown.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeTaut_Private(SNES, Vec u, PetscBool *taut);             /* snes/largeconvex.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeCorrect_Private(SNES, Vec u, Vec ahead, PetscReal *norm);
 PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
