@@ -150,7 +150,7 @@ def test_values_for_all_groups_beside_those_of_each_group(tmp_path):
     assert (latinpc.read(path, EA={"a": 1.0, "b": 2.0}, **given).law == Law.CABLE).all()
     weight = latinpc.read(path, EA=5e6, self_weight={None: 100.0, "b": 10.0}, support="x=min").line_load
     assert weight[:, 1] == pytest.approx([-100.0, -10.0, -10.0])
-    with pytest.raises(ValueError, match=r"--EA: what it gives .* in two\.obj, or by options of other groups"):
+    with pytest.raises(ValueError, match=r"--EA: no line is left that needs it: two\.obj, or options of other groups"):
         latinpc.read(path, EA={"a": 1.0, "b": 2.0, None: 3.0}, **given)
 
 

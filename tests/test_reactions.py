@@ -106,7 +106,7 @@ def test_contacts_keep_their_normal_where_links_turn(normal):
     assert found.reactions[2] == pytest.approx(-found.tensions[1] * n, abs=1e-8)
     assert found.reactions.sum(axis=0) == pytest.approx([-5.0, 5.0], abs=1e-7)
     assert found.balance.force < 1e-8 and found.balance.moment < 1e-8
-    assert not found.notices
+    assert not [text for text in found.notices if "strains reach" not in text]
     if n[1] == 1.0:  # as with small displacements: the bar does not leave its line
         assert found.reactions[2] == pytest.approx([0.0, 5.0], abs=1e-8)
 

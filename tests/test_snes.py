@@ -143,7 +143,7 @@ def test_what_it_prints(mpirun):
         "type: nrichardson",
     ):
         assert (text in out) == (text != "type: nrichardson")
-    for text in ("local solver", "coarse solver", "cholmod", "mumps", "type: anderson", "AlartDureisseix2008"):
+    for text in ("local solver", "coarse solver", "cholmod", "mumps", "SNES of type anderson", "AlartDureisseix2008"):
         assert text in out
     for event in ("LatinSetUp", "LatinLinear", "LatinCoarse", "LatinLocal", "LatinInterface", "LatinMacro"):
         assert event in out
