@@ -103,7 +103,7 @@ cdef extern from "latinpc.h":
         pass
     PetscErrorCode SNESLatinSetStop(PetscSNES, LatinStopType)
     PetscErrorCode SNESLatinSetTensionError(PetscSNES, PetscReal)
-    PetscErrorCode SNESLatinGetTensionError(PetscSNES, PetscReal *)
+    PetscErrorCode SNESLatinGetTensionEstimate(PetscSNES, PetscReal *)
     PetscErrorCode SNESLatinSetBalance(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetLargestUnbalance(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)

@@ -317,7 +317,7 @@ def set_tension_error(SNES snes not None, PetscReal error):
 def tension_error(SNES snes not None):
     """Return the estimated error of the tensions, negative where it is not known."""
     cdef PetscReal error = 0
-    CHKERR(SNESLatinGetTensionError(snes.snes, &error))
+    CHKERR(SNESLatinGetTensionEstimate(snes.snes, &error))
     return error
 
 

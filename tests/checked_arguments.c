@@ -133,7 +133,7 @@ static PetscErrorCode NoRoom(LatinStructure chain, SNES snes, Latin latin, Vec u
   Refused(SNESLatinSolveCases(snes, 1, none, none, none, NULL, NULL, NULL));
   Refused(SNESLatinSolveCases(snes, 1, none, none, none, room, room, stages));
   Refused(SNESLatinSolveCases(snes, -1, NULL, NULL, NULL, NULL, NULL, NULL));
-  Refused(SNESLatinGetTensionError(snes, NULL));
+  Refused(SNESLatinGetTensionEstimate(snes, NULL));
   Refused(SNESLatinGetTensions(snes, NULL));
   Refused(SNESLatinGetOuter(snes, NULL));
   Refused(LatinStateSave((PetscObject)snes, u, NULL, 0, NULL));

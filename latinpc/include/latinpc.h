@@ -200,7 +200,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, LatinWarmStart);
 PETSC_EXTERN PetscErrorCode SNESLatinSolveCases(SNES, PetscInt n, const PetscReal *const load[], const PetscReal *const prescribed[], const PetscReal *const e0[], PetscReal *const displacement[], PetscReal *const tension[], PetscInt stages[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *last, PetscReal *floor);
-PETSC_EXTERN PetscErrorCode SNESLatinGetTensionError(SNES, PetscReal *error);
+PETSC_EXTERN PetscErrorCode SNESLatinGetTensionEstimate(SNES, PetscReal *error);
 PETSC_EXTERN PetscErrorCode SNESLatinGetPath(SNES, PetscInt *renewals, PetscReal *borne);
 PETSC_EXTERN PetscErrorCode SNESLatinGetBranch(SNES, PetscBool *begins);
 PETSC_EXTERN PetscErrorCode SNESLatinGetUnsupportedNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *distance);

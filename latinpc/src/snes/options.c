@@ -173,7 +173,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   Note:
   Applies under the conditions of `SNESLatinSetBalance()`, and so not in the time steps of a motion.
 
-.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionError()`
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionEstimate()`
 @*/
 PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
 {

@@ -83,7 +83,7 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
-  SNESLatinGetTensionError - Gets the estimated error of the tensions of the last solve.
+  SNESLatinGetTensionEstimate - Gets the estimated error of the tensions of the last solve.
 
   Not collective
 
@@ -94,7 +94,7 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 
 .seealso: `SNESLatinSetTensionError()`, `SNESLatinGetEstimates()`
 @*/
-PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
+PetscErrorCode SNESLatinGetTensionEstimate(SNES snes, PetscReal *error)
 {
   const SNES_Latin *data;
 
