@@ -155,6 +155,10 @@ program fortran_module
   PetscCallA(SNESSetType(solver, SNESLATIN, ierr))
   load(:, 1) = force
   load(:, 2) = 3 * force
+  PetscCallA(PetscOptionsHasName(PETSC_NULL_OPTIONS, PETSC_NULL_CHARACTER, "-one_load", wrong, ierr))
+  if (wrong) then
+    PetscCallA(SNESLatinSolveCases(solver, cases, load=load(:, :1), displacement=moved, tension=forces, stages=stages, ierr=ierr))
+  end if
   PetscCallA(SNESLatinSolveCases(solver, cases, load=load, displacement=moved, tension=forces, stages=stages, ierr=ierr))
   call check(minval(stages) > 0, "stages of cases")
   call check(near(moved(8, 1), -1d-3) .and. near(moved(8, 2), -3d-3) .and. near(forces(1, 2), 30 / sqrt(2d0)), "cases")

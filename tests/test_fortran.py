@@ -58,8 +58,12 @@ def test_every_kind_of_argument(program, tmp_path, ranks):
     assert result.stdout == "all right\n", result.stdout
 
 
-def test_an_error_names_the_line_in_fortran(program, tmp_path):
-    result = run([program, "-without_laws"], cwd=tmp_path, check=False)
+@pytest.mark.parametrize("option, text", [
+    ("-without_laws", "Link 0 has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()"),
+    ("-one_load", "SNESLatinSolveCases(): an array has fewer columns than there are load cases"),
+])  # fmt: skip
+def test_an_error_names_the_line_in_fortran(program, tmp_path, option, text):
+    result = run([program, option], cwd=tmp_path, check=False)
     assert result.returncode
-    assert "Link 0 has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()" in result.stderr
+    assert text in result.stderr
     assert re.search(r"fortran_module\.F90:\d+", result.stderr)

@@ -20,6 +20,7 @@ PetscErrorCode SNESLatinLargeConvex_Private(SNES snes, PetscBool leapt, PetscBoo
   PetscCall(VecCopy(snes->vec_sol, u));
   PetscCall(VecZeroEntries(snes->vec_sol));
   PetscCall(SNESLatinLargeInterior_Private(snes, NULL, done));
+  if (!*done) data->next = LATIN_NEXT_DIVERGED;
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
   data->large.inside_failed = (PetscBool) !*done;
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));

@@ -365,8 +365,9 @@ static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point
 }
 
 /*
-   Tensions and slacks at the displacements in the solution vector: of elastic links such that t s = force^2 / k, beside links that bear both tension and compression;
-   without these, where far from the solution few links or none may be taut, and where some do not stretch, whose products would be far from those of others, all start with force densities and slacks alike. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
+   Tensions and slacks at the displacements in the solution vector. Beside links that bear tension and compression, t s = force^2 / k of elastic ones.
+   Without such links force densities and slacks are alike: the start may be far, with few taut links or none. So they are where some links do not
+   stretch, whose products t s would be far from those of others. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
 */
 static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, PetscBool *suits)
 {
