@@ -101,7 +101,7 @@ $(VENV)/.system: Makefile
 	if [ -n "$$missing" ]; then \
 	  echo "Installing Debian packages:$$missing"; \
 	  [ "$$(id -u)" = 0 ] && sudo= || sudo=sudo; \
-	  install="$$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $$missing"; \
+	  install="$$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q -o DPkg::Lock::Timeout=600 --no-install-recommends $$missing"; \
 	  $$install >/dev/null 2>&1 </dev/null || { $$sudo apt-get update -q </dev/null && $$install </dev/null; }; \
 	fi
 	@[ -e $(BIN)/python ] || $(PYTHON) -m venv --system-site-packages $(VENV)
