@@ -1,23 +1,27 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Solves where links turn (structure/turning.h, structure/frame.c). By small angles they are those of any structure. Far, the course of a
-   solve is this: the iteration, with operators made once; with operators made at the present displacements where it would
-   take longer without them; where it would with these as well, or near the solution, Newton's method with the exact tangent stiffness, which
-   proves the error (snes/largenewton.c). Where a front of cables that slacken moves over a net it may creep, link by link; then the iteration goes on, and
-   a step of Newton's method shows its error alone. Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
-   configuration, do not carry over.
+   Solves where links turn by large angles (structure/turning.h, structure/frame.c): operators, and when Newton's method runs. The course of
+   a solve (snes/largeiterate.c):
+
+   1. The iteration, with operators made once. 2. The iteration with operators made at the present displacements, if the remaining linear
+   stages would cost more than that set-up. 3. Newton's method with the exact tangent stiffness (snes/largenewton.c), which proves the
+   error: near the solution, or if step 2 would be needed again. 4. If Newton's method stagnates, the iteration again. This happens if a
+   front of slackening cables moves over a net link by link; then a Newton step only measures the error of the iteration.
+
+   Two parts of Newton's method for small displacements are not used: its line search on the energy, and the slack links detected on the
+   drawn configuration.
 */
 
-#define LATIN_LARGE_NEAR       2e-2 /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_WINDOW     8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW       2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST       40   /* times that Newton's method gets operators of the tangent stiffness: it needs 1 to 30 */
-#define LATIN_LARGE_COST       30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED      5.0  /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE       0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_STAGNATION 3    /* set-ups of Newton's method after which it stagnates, unless the unbalanced forces have halved */
-#define LATIN_LARGE_CREEPS     0.9  /* along a path it stagnates if more than that part of the unbalanced forces is left: the solution may be far */
+#define LATIN_LARGE_NEAR       2e-2 /* estimated relative error below which Newton's method is tried */
+#define LATIN_LARGE_WINDOW     8    /* linear stages over which progress is measured; 12: a few more stages in all, 6: progress is underestimated */
+#define LATIN_LARGE_GROW       2    /* factor on it after a set-up; 1: half as many set-ups again on small saddles, 4: twice the stages on large ones */
+#define LATIN_LARGE_MOST       40   /* most set-ups of the tangent stiffness for Newton's method; it needs 1 to 30 */
+#define LATIN_LARGE_COST       30   /* cost of a set-up in linear stages: in time steps, and where the solvers do not report their cost */
+#define LATIN_LARGE_FIXED      5.0  /* cost of a set-up in linear stages, apart from the operations of the factorisation */
+#define LATIN_LARGE_RATE       0.2  /* the same per operation on a byte of the factors: 7 to 18 stages in all on saddles, 34 on a network of 8,000 nodes */
+#define LATIN_LARGE_STAGNATION 3    /* set-ups within which Newton's method must halve the unbalanced forces; else it stagnates */
+#define LATIN_LARGE_CREEPS     0.9  /* the same along a path, where the solution may be far: part of the unbalanced forces that may remain */
 
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
@@ -29,7 +33,7 @@ static void LatinLargeWindow(LatinLarge *large, PetscInt window)
   large->before = 1.0;
 }
 
-/* Before the first linear stage of a solve */
+/* Checks the stop and resets the data of a solve, before its first linear stage. Collective on snes */
 PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
 {
   SNES_Latin    *data  = (SNES_Latin *)snes->data;
@@ -61,7 +65,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The state of the displacements in the solution vector, where operators have been made for Newton's method, which needs none. Collective on snes */
+/* Computes the state z of the displacements in the solution vector, if the operators were made for Newton's method, which needs no state. Collective on snes */
 PetscErrorCode SNESLatinLargeState_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -73,11 +77,15 @@ PetscErrorCode SNESLatinLargeState_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Operators at the displacements in the solution vector. A tangent stiffness that is not positive definite in a subdomain may be so in the structure: Newton's method shows it. Collective on snes */
+/*
+   Makes the operators at the displacements in the solution vector. If the tangent stiffness is not positive definite in a subdomain, which
+   it may still be in the structure, operators without the negative part (LATIN_FRAME_FIRM) replace it; Newton's method detects an unstable
+   structure. Collective on snes
+*/
 static PetscErrorCode LatinLargeOperators_Private(SNES snes, LatinFrameType type)
 {
   LatinStructure frame = ((SNES_Latin *)snes->data)->large.frame;
-  PetscErrorCode ierr  = PETSC_ERR_MAT_CH_ZRPVT; /* on all ranks or on none */
+  PetscErrorCode ierr  = PETSC_ERR_MAT_CH_ZRPVT; /* the same on all ranks */
 
   PetscFunctionBegin;
   if (type == LATIN_FRAME_TANGENT) {
@@ -93,11 +101,12 @@ static PetscErrorCode LatinLargeOperators_Private(SNES snes, LatinFrameType type
   PetscFunctionReturn(0);
 }
 
-/* Operators at the displacements in the solution vector, and unless they are for Newton's method the state of these. Collective on snes */
+/* Makes the operators at the displacements in the solution vector, and their state unless they are for Newton's method. Collective on snes */
 PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 {
-  SNES_Latin *data         = (SNES_Latin *)snes->data;
-  PetscInt    applications = data->latin->linear.applications, grows = SNESLatinLargeProves(data) ? LATIN_LARGE_GROW : LATIN_LARGE_GROW * LATIN_LARGE_GROW; /* the iteration ends by itself */
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  /* without Newton's method longer windows: the iteration must converge alone */
+  PetscInt applications = data->latin->linear.applications, grows = SNESLatinLargeProves(data) ? LATIN_LARGE_GROW : LATIN_LARGE_GROW * LATIN_LARGE_GROW;
 
   PetscFunctionBegin;
   PetscCall(LatinLargeOperators_Private(snes, type));
@@ -116,7 +125,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   PetscFunctionReturn(0);
 }
 
-/* The largest norm of the unbalanced forces at convergence. Collective on snes */
+/* Computes the largest norm of the unbalanced forces at convergence. Collective on snes */
 PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -127,7 +136,10 @@ PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Strains between those of two equilibria, and their tensions: once. Collective on large->frame */
+/*
+   Interpolates strains and tensions between those of two equilibria, once: the pair is forgotten. none: displacements to be multiplied by
+   zero. Collective on large->frame
+*/
 static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
 {
   const LatinStructure structure = large->frame->turns;
@@ -149,8 +161,8 @@ static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
 }
 
 /*
-   The strains of the last local stage, and their tensions: these are nearly in balance, while displacements still have up to half of the cables of a
-   net slack that bear a little. Those between prescribed nodes stay. Collective on snes
+   Sets the strains to those of the last local stage, and tensions to match. They are nearly in balance, whereas the displacements still
+   leave up to half of the cables of a net slack that bear little. Strains of links between prescribed nodes stay. Collective on snes
 */
 static PetscErrorCode SNESLatinLargeStrains_Private(SNES snes, PetscReal tension[], PetscReal strain[])
 {
@@ -174,20 +186,24 @@ static PetscErrorCode SNESLatinLargeStrains_Private(SNES snes, PetscReal tension
   PetscFunctionReturn(0);
 }
 
-/* Tensions go ahead of the displacements in the solution vector, near the solution those where the iteration has ended. Collective on snes */
+/*
+   Initialises the tensions that go ahead of the displacements (snes/largenewton.c). near: laws become straight lines at these strains;
+   after the iteration the strains are those of its last local stage. Collective on snes
+*/
 static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
   const LatinStructure structure = large->frame->turns;
 
   PetscFunctionBegin;
-  if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a step has a tangent of its own */
-  PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* never NULL then */
+  if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a time step has its own tangent */
+  PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* not NULL without links either */
   PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, NULL, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
   if (large->between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
   if (large->start) PetscCall(PetscArraycpy(large->ahead, large->start, 2 * structure->links_local));
   PetscCall(PetscFree(large->start));
-  if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local)); /* cables that do not stretch have another law there */
+  /* not with inextensible cables, whose law in the frame differs */
+  if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local));
   structure->ahead  = large->ahead;
   structure->strain = near ? large->ahead + structure->links_local : NULL;
   structure->hold   = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;
@@ -195,8 +211,8 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 }
 
 /*
-   Does Newton's method stagnate? It does if, since some set-ups, the unbalanced forces have not fallen enough; `least` has the least of
-   them after each of the last set-ups, k is this one. Not collective
+   Returns whether Newton's method stagnates: over the last LATIN_LARGE_STAGNATION set-ups the least unbalanced force has not fallen enough.
+   k: number of this set-up; least: least unbalanced force after each of the last ones, updated. Not collective
 */
 static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
@@ -209,7 +225,7 @@ static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscR
   return (PetscBool)(*here > PetscMax(part * before, large->balance));
 }
 
-/* The norm of the unbalanced forces at the displacements u, before tensions go ahead. Collective on snes */
+/* Computes the norm of the unbalanced forces at the displacements u, with tensions of these displacements. Collective on snes */
 static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left)
 {
   Vec r;
@@ -223,8 +239,9 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
 }
 
 /*
-   Newton's method with operators of the tangent stiffness, each as long as it takes no more than new ones, until it stagnates. measures: it starts at u, with unbalanced forces of norm `left`, so that its first step
-   measures the error there. Collective on snes
+   Runs Newton's method with operators of the tangent stiffness, and makes new ones whenever linear iterations cost more than a set-up,
+   until it converges or stagnates. measures: it starts at the iterate u with unbalanced forces of norm `left`; its first step then measures
+   the error of u, which is accepted if small. Collective on snes
 */
 static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool measures, PetscReal left, PetscBool *done)
 {
@@ -234,7 +251,8 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
   PetscReal   least[LATIN_LARGE_STAGNATION];
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) { /* where it took no step with them others are the same */
+  /* without a step the next operators would be the same */
+  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) {
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
@@ -251,10 +269,14 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
 }
 
 /*
-   Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
-   there are; when it has taken as long as a set-up, with new ones, if it renews them. Near the solution its first step shows how far the iteration was from it; where a front of
-   cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, or after the iteration where
-   its steps have led that became smaller. Collective on snes
+   Runs Newton's method from the displacements in the solution vector.
+
+   near: near the solution, with operators of the tangent stiffness; its first step measures the error of the iteration, which is all that
+   is gained if a front of changing cables creeps over a net. Else with the present operators first. renews: new operators once it has cost
+   as much as a set-up. *done: converged. If not, the solution vector is restored; after the iteration it keeps the Newton iterate if the
+   steps became smaller.
+
+   Collective on snes
 */
 PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBool near, PetscBool *done)
 {

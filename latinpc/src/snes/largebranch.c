@@ -1,23 +1,30 @@
 #include "snes/largepath.h"
 
 /*
-   Where the path of the loads branches. Crossed cables of a panel that slacken together leave the symmetric panel unstable: it shears a little until one of
-   them tightens, and the path goes on. A symmetric structure that buckles goes on to one side or the other: the path ends, and the caller is told, who
-   chooses a side by loads or an imperfection. Both are sought down the energy, from the last stable equilibrium, disturbed, under slightly more loads, and
-   under a part of these. Along a branch displacements grow from none with the loads; a snap-through leads equally far under either, and no less far under the loads of the try before.
+   Branches of the path of the loads. If no increment follows, either of these may be the cause:
+
+   - Two crossed cables of a panel slacken together and leave the symmetric panel unstable. It shears a little until one of them tightens,
+     and the path goes on.
+   - A symmetric structure buckles to one side or the other. The path ends and the caller is informed, who chooses a side by loads or an
+     imperfection.
+   - The structure snaps through: no branch.
+
+   To distinguish them, two stable states are sought by descents from the last stable equilibrium, disturbed along its softest mode: under
+   slightly more loads, and under a part of these. Displacements along a branch grow from zero with the loads, or as their root. A
+   snap-through leads equally far under both, and no less far under the smaller loads of the try before.
 */
 
-#define LATIN_BRANCH_AHEAD    (16.0 * LATIN_PATH_LEAST) /* of the loads: the step onto a branch */
-#define LATIN_BRANCH_LESS     4.0                       /* times less of them show whether it is one: displacements along branches grow as fast as the loads, or as their root */
-#define LATIN_BRANCH_NEARER   0.75                      /* times as far, at most, with less */
-#define LATIN_BRANCH_LINEAR   0.35                      /* times as far, at most, of a panel that shears: a quarter; what buckles goes half as far */
-#define LATIN_BRANCH_TRIES    3                         /* steps tried where cables are at their kinks, */
-#define LATIN_BRANCH_FURTHER  8.0                       /* each so many times as long: under few loads rounding hides which way the energy falls */
-#define LATIN_BRANCH_POWER    8                         /* steps of the power method */
-#define LATIN_BRANCH_NOTHING  1e-2                      /* of the stiffness: what the power method leaves of none */
-#define LATIN_BRANCH_DISTURBS 1e-6                      /* of the size of the structure, beside the displacements ahead: how far along the mode a descent begins */
+#define LATIN_BRANCH_AHEAD    (16.0 * LATIN_PATH_LEAST) /* part of the path: step onto a branch */
+#define LATIN_BRANCH_LESS     4.0                       /* divisor of this step for the second state, which shows the kind of branch */
+#define LATIN_BRANCH_NEARER   0.75                      /* largest ratio of both distances on a branch: they grow as the loads (1/4) or as their root (1/2) */
+#define LATIN_BRANCH_LINEAR   0.35                      /* the same of a panel that shears, between 1/4 and the 1/2 of buckling */
+#define LATIN_BRANCH_TRIES    3                         /* most lengths of the step if links are at kinks of their laws */
+#define LATIN_BRANCH_FURTHER  8.0                       /* ratio of these lengths; in short steps rounding hides the direction in which the energy falls */
+#define LATIN_BRANCH_POWER    8                         /* iterations of the power method */
+#define LATIN_BRANCH_NOTHING  1e-2                      /* a stiffness below this part of the whole one is zero to the power method */
+#define LATIN_BRANCH_DISTURBS 1e-6                      /* disturbance along the mode, relative to the size, beside the predicted displacement */
 
-/* From v down the energy to a stable equilibrium under that part of the path, if *stable. Overwrites path->step. Collective on snes */
+/* Descends from v to an equilibrium under that part of the path; *stable: found, in v, and stable. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, PetscReal part, Vec v, PetscBool *stable)
 {
   SNES_Latin *data    = (SNES_Latin *)snes->data;
@@ -36,7 +43,7 @@ static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, Pets
   PetscFunctionReturn(0);
 }
 
-/* The direction in which path->u is softest, of length 1. Collective on snes */
+/* Computes the softest mode at path->u, of length 1. Collective on snes */
 static PetscErrorCode LatinBranchMode_Private(SNES snes, const LatinPath *path, Vec mode)
 {
   PetscFunctionBegin;
@@ -48,9 +55,10 @@ static PetscErrorCode LatinBranchMode_Private(SNES snes, const LatinPath *path, 
 }
 
 /*
-   Are links nearer to a kink than the error asked for? Then the direction in which path->u is softest with their softer sides: K the tangent stiffness,
-   K - D that of the softer sides, the largest mu in D x = mu K x, by the power method; of length 1. path->slackens: softer sides leave next to nothing of the
-   stiffness in it. Collective on snes
+   Finds in *kinks whether links are nearer to a kink of their law than the requested error. If so, computes the mode that loses most
+   stiffness on their softer sides, of length 1: with K the tangent stiffness (stiffer sides) and K' that of the softer sides, the
+   eigenvector of the largest mu in (K - K') x = mu K x, by the power method. Sets path->slackens: K' is nearly zero in that mode.
+   Collective on snes
 */
 static PetscErrorCode LatinBranchKinks_Private(SNES snes, LatinPath *path, Vec mode, PetscBool *kinks)
 {
@@ -66,7 +74,7 @@ static PetscErrorCode LatinBranchKinks_Private(SNES snes, LatinPath *path, Vec m
   PetscCall(DMGetGlobalVector(structure->dm, &f));
   PetscCall(DMGetGlobalVector(structure->dm, &g));
   PetscCall(LatinTurningMatCreate_Private(structure, &softer));
-  PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* never NULL */
+  PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* not NULL without links either */
   PetscCall(LatinPathSlopes_Private(snes, path->u, PETSC_FALSE, slope));
   structure->slope = slope;
   PetscCall(LatinTurningMatCompute_Private(structure, path->u, softer));
@@ -96,7 +104,10 @@ static PetscErrorCode LatinBranchKinks_Private(SNES snes, LatinPath *path, Vec m
   PetscFunctionReturn(0);
 }
 
-/* A stable equilibrium v, sought along the mode, under `more` of the path, and how far from path->u, by the node that is farthest: without bound if there is none. Collective on snes */
+/*
+   Seeks a stable equilibrium v near path->u along the mode, `more` of the path further. *beside: its largest displacement of a node from
+   path->u; PETSC_MAX_REAL: none. Overwrites path->step. Collective on snes
+*/
 static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, Vec v, PetscReal *beside)
 {
   PetscBool stable;
@@ -113,8 +124,13 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
 }
 
 /*
-   Does a branch begin at path->u, along the mode? Then v is on it, under `more` of the path; *linear: displacements grow as the loads, as of a panel that shears, not as their root, as of what buckles.
-   past: how far it was under the loads of the last try, 0: not found. *far: how far it is, without bound if there is none. Collective on snes
+   Returns in *begins whether a branch begins at path->u along the mode; then v is on it, `more` of the path further.
+
+     past:    distance of the nearest state in the try before; 0: none
+     *linear: displacements grow as the loads, as of a panel that shears, not as their root, as in buckling
+     *far:    distance of v from path->u; PETSC_MAX_REAL: none
+
+   Collective on snes
 */
 static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, PetscReal past, Vec v, PetscBool *begins, PetscBool *linear, PetscReal *far)
 {
@@ -131,7 +147,10 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
   PetscFunctionReturn(0);
 }
 
-/* Once such a panel has sheared: from an unstable equilibrium found for the nearest target, as on the side that is symmetric, to a stable one, if *settles. Collective on snes */
+/*
+   Replaces an unstable equilibrium of the nearest target by a stable one beside it, if *settles. Only after a panel has sheared: the
+   symmetric state is then unstable. Collective on snes
+*/
 PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarget *target, PetscBool *settles)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
@@ -152,7 +171,10 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
   PetscFunctionReturn(0);
 }
 
-/* Where no increment follows path->u: on where a panel shears, if *goes; large->branch where it buckles, and a stable branch begins. Collective on snes */
+/*
+   Seeks a branch at path->u, from which no increment follows. *goes: a panel shears, and path->u is now on its branch. If a stable branch
+   begins because the structure buckles, sets large->branch. Collective on snes
+*/
 PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *goes)
 {
   LatinLarge *large = &((SNES_Latin *)snes->data)->large;

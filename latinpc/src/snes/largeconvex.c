@@ -1,6 +1,6 @@
 #include "snes/sneslatinimpl.h"
 
-/* The equilibrium of cables, if *found, and tensions. Collective on snes */
+/* Seeks the equilibrium of cables from the drawing, with its tensions. Collective on snes */
 static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], PetscBool *found)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -18,8 +18,9 @@ static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], 
 }
 
 /*
-   The energy of cables is convex, and that of bars of the same stiffness is nowhere less, and no more where all are taut. So where bars as cables find an
-   equilibrium in which each of them pulls it is the least energy of the bars as well, as of a chain that its weight pulls tight: *taut, and u. Collective on snes
+   Solves bars as cables. The energy of cables is convex, and nowhere larger than that of bars of the same stiffness; both are equal where all pull. So
+   an equilibrium of these cables in which all bars pull is the global minimum for the bars as well, as for a chain tightened by its weight. *taut:
+   found, in u. Collective on snes
 */
 PetscErrorCode SNESLatinLargeTaut_Private(SNES snes, Vec u, PetscBool *taut)
 {

@@ -2,44 +2,46 @@
 #include <petsctao.h>
 
 /*
-   Minimises the potential energy by Newton's method in a trust region (PETSc's TAO). Its conjugate gradients follow negative curvature
-   to the edge of the region [T. Steihaug 1983]. The path of the loads starts at this minimum if the drawing is no stable state. If the
-   iterates move away from the drawing without bound, the structure has no stable state.
+   Descent: minimises the potential energy by Newton's method in a trust region (PETSc's TAO), whose conjugate gradients follow negative
+   curvature to the edge of the region [T. Steihaug 1983]. The path of the loads starts at this minimum if the drawing is not stable. If the
+   iterates move away without bound, the structure has no stable state.
 
-   The unknowns are displacements over the size of the structure, each scaled by the root of the stiffness of the links at its node: units,
-   rotations and subdomains do not change the result. There is no other preconditioner at first, whose subdomains would shape the trust region. But in a narrow valley
-   in which cables slacken and tighten steps then become too short: last the operators of Newton's method precondition, which let steps be as long as links give.
+   Unknowns: displacements over the size of the structure, each scaled by the root of the stiffness of the links at its node. So units,
+   rotations and subdomains do not affect the result.
 
-   If the loads are small beside the stiffness, the energy has a narrow valley, in which all steps are short. Where loads pull bars tight these are solved
-   for as cables, whose energy is convex (snes/largeconvex.c). Else larger loads lead to the same
-   state but for elongations: the descent begins with these, and reduces them.
+   Preconditioner: at first none, since subdomains would shape the trust region. Last the operators of Newton's method: in a narrow valley
+   in which cables slacken and tighten, steps are too short without them.
+
+   Loads: loads that are small beside the stiffness make the energy a narrow valley, in which all steps are short. If they pull all bars
+   tight, the bars are solved for as cables, whose energy is convex (snes/largeconvex.c). Else the descent begins with larger loads, which
+   lead to the same state but for elongations, and reduces them (LatinDescentRun_Private).
 */
 
-#define LATIN_DESCENT_RADIUS  0.1                           /* of the size of the structure: the first step */
-#define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* of the stiffness times the size: forces that are left; Newton's method goes on from there */
-#define LATIN_DESCENT_RTOL    1e-3                          /* of a linear solve */
-#define LATIN_DESCENT_SOON    30                            /* steps in which the loads themselves lead somewhere, or too slowly; with 200 rotations and units change which state towers find */
-#define LATIN_DESCENT_STEPS   1000                          /* most steps under heavier loads, and as these fall */
-#define LATIN_DESCENT_HEAVY   0.1                           /* of the stiffness times the size: the heaviest loads */
-#define LATIN_DESCENT_LIGHTER 10.0                          /* times as light as the ones before: the next loads */
-#define LATIN_DESCENT_AWAY    0.05                          /* of the size of the structure: further from where a descent is to stay near it snaps through */
+#define LATIN_DESCENT_RADIUS  0.1                           /* initial radius of the trust region, relative to the size of the structure */
+#define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* unbalanced forces at the end, relative to stiffness times size; Newton's method goes on */
+#define LATIN_DESCENT_RTOL    1e-3                          /* rtol of a linear solve */
+#define LATIN_DESCENT_SOON    30                            /* most steps of the first descent; 200: rotations and units change which state towers find */
+#define LATIN_DESCENT_STEPS   1000                          /* most steps of every other descent */
+#define LATIN_DESCENT_HEAVY   0.1                           /* heaviest loads, relative to stiffness times size */
+#define LATIN_DESCENT_LIGHTER 10.0                          /* ratio of successive loads */
+#define LATIN_DESCENT_AWAY    0.05                          /* a descent that should stay near its start may move nodes by this part of the size */
 
 typedef struct {
   SNES           snes;
   LatinStructure structure;
-  Vec            load, weight; /* the loads, those of snes included; what an unknown is as displacement: the size times the root of the mean stiffness over that at the node */
+  Vec            load, weight; /* loads, with those of snes; displacement per unknown: size times the root of the mean stiffness over that at the node */
   Vec            u, more;      /* work vectors */
-  PetscReal      force, size;  /* the mean stiffness times the size of the structure; this */
-  PetscReal      times;        /* the loads act */
-  PetscBool      near;         /* it is to stay near where it begins, with the operators there */
-  PC             pc;           /* these operators */
-  Vec            start;        /* where it begins */
-  PetscInt       most;         /* steps */
-  PetscBool      tried;        /* heavier loads have been */
-  PetscBool      renews;       /* the operators are made anew for each step */
+  PetscReal      force, size;  /* mean stiffness times size, a force; size of the structure, a length */
+  PetscReal      times;        /* current factor on the loads */
+  PetscBool      near;         /* the descent should stay near its start, preconditioned by the present operators */
+  PC             pc;           /* preconditioner: the operators of Newton's method; borrowed */
+  Vec            start;        /* initial displacements, with `near` */
+  PetscInt       most;         /* most steps of this descent */
+  PetscBool      tried;        /* heavier loads have been tried */
+  PetscBool      renews;       /* operators are made anew for each step */
 } LatinDescent;
 
-/* Weights of the displacements of each node, the mean stiffness. Collective on descent->structure */
+/* Computes descent->weight, the displacements of unit unknowns, and descent->force. Collective on descent->structure */
 static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
 {
   const LatinStructure structure = descent->structure;
@@ -61,13 +63,13 @@ static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
   PetscCall(VecGetSize(descent->weight, &n));
   mean           = PetscRealPart(sum) / (PetscReal)n;
   descent->force = mean * descent->size;
-  PetscCall(VecShift(descent->weight, PETSC_MACHINE_EPSILON * mean)); /* nodes without links */
+  PetscCall(VecShift(descent->weight, PETSC_MACHINE_EPSILON * mean)); /* for nodes without links */
   PetscCall(VecPow(descent->weight, -0.5));
   PetscCall(VecScale(descent->weight, descent->size * PetscSqrtReal(mean)));
   PetscFunctionReturn(0);
 }
 
-/* The energy over the mean stiffness times the square of the size, and its gradient */
+/* Computes the energy, relative to the mean stiffness times the square of the size, and its gradient. Collective on tao */
 static PetscErrorCode LatinDescentEnergy_Private(Tao tao, Vec x, PetscReal *energy, Vec gradient, void *ctx)
 {
   const LatinDescent *descent   = (LatinDescent *)ctx;
@@ -104,7 +106,7 @@ static PetscErrorCode LatinDescentTangent_Private(Tao tao, Vec x, Mat A, Mat P, 
     PetscCall(KSPGetPC(ksp, &descent->pc));
   }
   PetscCall(LatinTurningMatCompute_Private(descent->structure, descent->u, A));
-  PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY)); /* without the weights of the last step */
+  PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY)); /* discards the scaling of the last step */
   PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatDiagonalScale(A, descent->weight, descent->weight));
   PetscCall(MatScale(A, 1.0 / (descent->force * descent->size)));
@@ -135,7 +137,10 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
   PetscFunctionReturn(0);
 }
 
-/* What of TAO options alone set: the first radius is the one given, and energies are compared down to their rounding. Collective on tao */
+/*
+   Sets what TAO reads from options only: the initial radius is the one given, and energies are compared down to 1e-13. The options are set
+   in a database of their own. Collective on tao
+*/
 static PetscErrorCode LatinDescentOptions_Private(Tao tao, SNES snes)
 {
   PetscOptions defaults;
@@ -151,7 +156,7 @@ static PetscErrorCode LatinDescentOptions_Private(Tao tao, SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The operators of Newton's method, in the unknowns of the descent */
+/* Applies the operators of Newton's method to the unknowns of the descent */
 static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
 {
   LatinDescent *descent;
@@ -165,7 +170,7 @@ static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
   PetscFunctionReturn(0);
 }
 
-/* These operators precondition the linear solves, and give the trust region its norm. Collective on tao */
+/* Preconditions the linear solves by descent->pc, which then defines the norm of the trust region as well. Collective on tao */
 static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent, Tao tao)
 {
   KSP ksp;
@@ -180,7 +185,7 @@ static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent, Tao t
   PetscFunctionReturn(0);
 }
 
-/* TAO and what it needs. Collective on snes */
+/* Creates the TAO solver of the descent. x: its unknowns. Collective on snes */
 static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
 {
   KSP ksp;
@@ -207,7 +212,7 @@ static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descen
   PetscFunctionReturn(0);
 }
 
-/* Is the energy under the loads themselves higher at x than at the start? */
+/* Returns in *up whether the energy under descent->times the loads is higher at x than at the start. Collective on tao */
 static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec start, Vec x, PetscBool *up)
 {
   PetscReal from, to;
@@ -223,9 +228,16 @@ static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec
 }
 
 /*
-   Down the energy from x. Where the loads themselves take too long, and do not pull all links tight, heavier ones are tried, if any, the heaviest first, and lighter ones
-   where these lead away; from what is found they fall. Heavier ones may have snapped the structure through: where that is up the energy, the loads themselves get as many steps. Where these do
-   not suffice, or nothing is found as loads fall, they get as many with operators made anew for each. heaviest: 0 without loads. *reason: of the last descent. Collective on snes
+   Runs the descents from x, until one under the loads themselves is final:
+
+   1. Under the loads themselves. If that takes too long and the loads pull all bars tight, the bars are solved for as cables.
+   2. If it takes too long: under the heaviest loads, then under lighter ones while these lead nowhere; from the first state found, under
+      ever lighter loads down to the loads themselves.
+   3. Heavier loads may have snapped the structure through. If the state found has more energy than the start: once more under the loads
+      themselves from the start, with as many steps as in 2.
+   4. If one of these runs out of steps, or fails as loads decrease: the same with operators made anew for each step.
+
+   heaviest: heaviest factor on the loads; 0: no loads, 1: none heavier. *reason: of the last descent. Collective on snes
 */
 static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
 {
@@ -270,7 +282,14 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscFunctionReturn(0);
 }
 
-/* From u down to a state in balance under the loads of snes, if *rests; else u stays. near: it is to stay near u, with the operators there are. *heavier: heavier loads may lead there; these are the same for every part of the loads, and tried once. Collective on snes */
+/*
+   Descends from u to a state in balance under the loads of snes. *rests: found, in u; else u is unchanged.
+
+     near:     the state must be near u; the present operators precondition
+     *heavier: on entry, heavier loads may be tried; on return, false once they have been, as they are the same for every part of the loads
+
+   Collective on snes
+*/
 PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;

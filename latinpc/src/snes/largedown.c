@@ -1,9 +1,12 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   The energy of links that only pull or push is convex: an interior-point method goes down it from the drawing, where the iteration has leapt away, which
-   proves nothing, and where it creeps on above floors after Newton's method has failed. Not where cables alone creep on: they arrive, and in the wind a net
-   of 200 meshes takes a third of the time. Where it fails as well displacements stay, and it is not tried again. Collective on snes
+   Solves by the interior-point method from the drawing if the iteration fails: links that only pull or push have a convex energy.
+
+   leapt: the iteration has diverged, which proves nothing. Else it creeps on after Newton's method has failed; then only above floors are solves sent
+   here. Cables alone arrive by the iteration, a net of 200 meshes in the wind in a third of the time.
+
+   If the method fails, the displacements stay, and it is not tried again in this solve. Collective on snes
 */
 PetscErrorCode SNESLatinLargeConvex_Private(SNES snes, PetscBool leapt, PetscBool *done)
 {

@@ -1,10 +1,10 @@
 #include "snes/sneslatinimpl.h"
 
-/* Solves of large displacements from displacements that are given. */
+/* Solves of large displacements from given displacements: on a path, in a time step, and for the stop of the user after a path. */
 
-#define LATIN_PATH_STAGES 60 /* most linear stages of one: at a limit point it takes any number */
+#define LATIN_PATH_STAGES 60 /* most linear stages of a solve on a path without Newton's method; next to a limit point it would take any number */
 
-/* Displacements u as those that a solve starts from. Collective on snes */
+/* Sets the displacements u as start of a solve. Collective on snes */
 static PetscErrorCode LatinPathPlace_Private(SNES snes, Vec u)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -22,7 +22,7 @@ static PetscErrorCode LatinPathPlace_Private(SNES snes, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Newton's method from the displacements u, where it is to prove what is found; *done: they were near an equilibrium. Collective on snes */
+/* Runs Newton's method from the displacements u, if the stop needs its proof. *done: converged, u was near an equilibrium. Collective on snes */
 PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -36,9 +36,9 @@ PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
 }
 
 /*
-   A solve from the displacements u. From an equilibrium, `near`, Newton's method takes a few steps, and bars in compression, which
-   the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration. *inside, or NULL:
-   on entry, Newton's method is known to fail; on return, the interior-point method has been used. Collective on snes
+   Solves from the displacements u. near: u is near an equilibrium. Then Newton's method takes a few steps; if it fails, the interior-point method
+   follows, since on a path a smaller increment is better than the iteration, whose local stage lets bars in compression buckle one by one. *inside, or
+   NULL: on entry, Newton's method is known to fail; on return, the interior-point method was used. Collective on snes
 */
 PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, PetscBool *inside)
 {
@@ -60,7 +60,10 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
   PetscFunctionReturn(0);
 }
 
-/* Nodes without mass that a step takes away, as their links slacken in it: mean forces balance at infinity alone. Lists them; the step has failed. Collective on snes */
+/*
+   Detects nodes without mass that diverge because their links slacken during the time step: the mean forces balance at infinity only. Lists them; the
+   step has then failed. Collective on snes
+*/
 static PetscErrorCode LatinLargeLost_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -95,7 +98,7 @@ static PetscErrorCode LatinLargeLost_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* A time step: Newton's method, and where it fails the iteration. Collective on snes */
+/* Solves a time step by Newton's method, or if it fails by the iteration. Collective on snes */
 PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -110,8 +113,8 @@ PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
 }
 
 /*
-   The end of a path of which the stop was the error: Newton's method goes on from there to what the requested stop wants beyond that. The
-   iteration would lead away from it, to equilibria that need not be stable. Collective on snes
+   Continues from the end of a path, which was solved for the stop `error`, to the accuracy of the requested stop, by Newton's method: the iteration
+   would lead to equilibria that need not be stable. Collective on snes
 */
 PetscErrorCode SNESLatinLargeStop_Private(SNES snes, LatinStopType stop)
 {
@@ -133,7 +136,7 @@ PetscErrorCode SNESLatinLargeStop_Private(SNES snes, LatinStopType stop)
   data->stop      = stop;
   data->target    = target;
   data->unbalance = unbalance;
-  if (stop != LATIN_STOP_RESIDUAL) data->next = LATIN_NEXT_CONVERGED; /* as far as rounding lets it */
+  if (stop != LATIN_STOP_RESIDUAL) data->next = LATIN_NEXT_CONVERGED; /* as far as rounding allows */
   else data->next = data->residual <= SNESLatinResidualTarget(snes) ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_ROUNDING;
   PetscFunctionReturn(0);
 }

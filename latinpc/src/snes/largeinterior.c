@@ -1,61 +1,59 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method where links turn far and many change between taut and slack: a primal-dual interior-point method [S. J. Wright 1997], with
-   Mehrotra's predictor and corrector and Gondzio's corrections. A unilateral link has its tension t >= 0 and its slack s >= 0, a length, as
-   unknowns of their own. A cable of the natural length L, the stiffness k and the vector r from node to node is W = L + t / k long where it is taut:
+   Newton's method if links turn by large angles and many change between taut and slack: a primal-dual interior-point method [S. J. Wright 1997] with
+   Mehrotra's predictor and corrector and Gondzio's corrections. Unknowns of a unilateral link are its tension t >= 0 and its slack s >= 0, a length. A
+   cable of natural length L, stiffness k and vector r from node to node has the length W = L + t / k where it is taut:
 
      sum of t / W r = load on each node,  s = (W^2 - |r|^2) / (2 L),  t s = mu,
 
-   and mu falls to zero. 1 / k = 0 where it is inextensible. The squares of lengths are smooth where nodes of slack cables meet, |r| = 0. A
-   contact has t n and s = t / k - x instead. The tangent stiffness of a link is smooth as well, so that no cable changes
-   to and fro, and tensions go ahead of the displacements as in snes/largenewton.c: a link that turns has its strain wrong by the square of the
-   angle, which one step corrects. No link holds up the others: 10 to 20 steps do, for few links and for many. In each the operators
-   are those of its tangent stiffness, for which a few conjugate gradient iterations do.
+   and mu falls to zero. 1 / k = 0 if it is inextensible. Squares of lengths are smooth at |r| = 0 as well, where nodes of slack cables meet. A contact
+   has t n and s = t / k - x instead. The tangent stiffness of a link is smooth, so that no cable alternates between taut and slack; tensions go ahead of
+   the displacements as in snes/largenewton.c. 10 to 20 steps suffice for few links and for many, each with new operators of its tangent stiffness and a
+   few iterations.
 
-   Where steps are small Newton's method takes over, and proves; where there are inextensible cables the method of multipliers does
-   (snes/largerigid.c). A tangent that is not positive definite before shows that the loads lead past a limit point: a tower found an equilibrium
-   upside down.
+   When steps are small Newton's method takes over and proves the error; with inextensible cables, the method of multipliers (snes/largerigid.c). A
+   tangent that is not positive definite before that shows that the loads lead past a limit point: a tower found an equilibrium upside down.
 */
 
-#define LATIN_INTERIOR_MOST    60   /* steps: grids of tensegrity modules take 12 to 20 */
-#define LATIN_INTERIOR_BACK    0.99 /* of the way to where a tension or a slack would vanish */
-#define LATIN_INTERIOR_CENTRE  1e-4 /* the mean product falls by no more than that in a step */
-#define LATIN_INTERIOR_SPREAD  10.0 /* products further than that from their mean are drawn to it by corrections */
-#define LATIN_INTERIOR_CORRECT 2    /* most corrections; each is a solve with the operators there are */
-#define LATIN_INTERIOR_ENOUGH  0.9  /* a step of that part needs none: with 1 linear stages are a quarter more */
-#define LATIN_INTERIOR_SHORT   1e-6 /* steps shorter than that part lead nowhere */
-#define LATIN_INTERIOR_STEP    1e-4 /* a step relative to the displacements from which on Newton's method is tried; with 1e-3 it fails on grids */
-#define LATIN_INTERIOR_AGAIN   0.1  /* where it has failed it is tried again when steps are so much smaller */
-#define LATIN_INTERIOR_SMALL   1e-9 /* of tensions times lengths: products from where the method of multipliers changes few cables */
-#define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
-#define LATIN_INTERIOR_FIRST   0.1  /* of the length: slacks at first of links that do not stretch */
-#define LATIN_INTERIOR_NONE    1e-6 /* of the length as drawn: natural lengths that are none */
-#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension: what links bear at least in the linear systems, for nodes that slack cables alone hold, */
-#define LATIN_INTERIOR_DIGITS  10.0 /* times LATIN_MECHANISM, and of the largest stiffness times length: a factor takes less for a mechanism */
+#define LATIN_INTERIOR_MOST    60   /* most steps; grids of tensegrity modules take 12 to 20 */
+#define LATIN_INTERIOR_BACK    0.99 /* part of the way to where a tension or a slack would vanish */
+#define LATIN_INTERIOR_CENTRE  1e-4 /* least factor on the mean product t s in a step */
+#define LATIN_INTERIOR_SPREAD  10.0 /* corrections draw products towards their mean if they differ from it by more than this factor */
+#define LATIN_INTERIOR_CORRECT 2    /* most corrections per step; each is a solve with the present operators */
+#define LATIN_INTERIOR_ENOUGH  0.9  /* no corrections if a step can be taken to at least this part; 1: a quarter more linear stages */
+#define LATIN_INTERIOR_SHORT   1e-6 /* least part of a step; shorter ones make no progress */
+#define LATIN_INTERIOR_STEP    1e-4 /* relative step below which Newton's method is tried; 1e-3: it fails on grids */
+#define LATIN_INTERIOR_AGAIN   0.1  /* factor on this step after it has failed */
+#define LATIN_INTERIOR_SMALL   1e-9 /* sum of the products t s, relative to tensions times lengths, at which the method of multipliers takes over */
+#define LATIN_INTERIOR_AIM     0.3  /* least mean product, relative to those: smaller ones, while lengths and balance lag, make systems nearly singular */
+#define LATIN_INTERIOR_FIRST   0.1  /* initial slack of inextensible links, relative to their length */
+#define LATIN_INTERIOR_NONE    1e-6 /* natural lengths below this part of the drawn length count as zero */
+#define LATIN_INTERIOR_FLOOR   1e-6 /* least tension in the linear systems, relative to the mean, for nodes held by slack cables only, */
+#define LATIN_INTERIOR_DIGITS  10.0 /* and relative to LATIN_MECHANISM times the largest stiffness times length: less is a mechanism to the factorisation */
 
-/* All of [links_local] but n */
+/* Arrays are of [links_local], n of [links_local][dim] */
 typedef struct {
   LatinStructure structure;
-  PetscReal     *n;            /* [dim] r / L, or where squares of lengths do not count the direction */
-  PetscReal     *length, *far; /* natural length; how far a step may move the ends against each other */
+  PetscReal     *n;            /* r / L, or the unit vector where lengths are not squared */
+  PetscReal     *length, *far; /* natural length; most relative displacement of the ends in a step */
   PetscReal     *give;         /* 1 / k */
   PetscReal     *part, *bend;  /* L / W and 1 / W, or 1 and 0 */
-  PetscReal     *gap;          /* what s is to be */
-  PetscReal     *t, *s;        /* tension and slack; s = 0: not unilateral */
-  PetscReal     *slope, *tau;  /* stiffness and tension of the tangent */
-  PetscReal     *v, *trial;    /* what t s is to be; with corrections */
-  PetscReal     *dt, *ds;      /* of a step */
-  PetscBool     *held;         /* between prescribed displacements */
-  Vec            du, r, other; /* of a step, its right-hand side; another step */
-  PetscReal      links, whole; /* unilateral links on all ranks; sum of tensions times lengths, one that keeps its direction as long as the structure: contacts or springs that bear all the loads would leave none */
-  PetscReal      mean, reach;  /* of t s; part of the step that moves no link too far */
-  PetscReal      force;        /* a tension */
-  PetscBool      rigid;        /* there are links that do not stretch */
-  PetscBool      unstable;     /* the tangent of this step is not positive definite */
+  PetscReal     *gap;          /* value of s at the present displacements and tensions */
+  PetscReal     *t, *s;        /* tension; slack, 0: not unilateral */
+  PetscReal     *slope, *tau;  /* stiffness and tension of the link in the tangent stiffness */
+  PetscReal     *v, *trial;    /* target of t s; the same with a correction */
+  PetscReal     *dt, *ds;      /* changes of t and s in a step */
+  PetscBool     *held;         /* between prescribed displacements: no free displacement moves the link */
+  Vec            du, r, other; /* step of the displacements; its right-hand side; copy of the step */
+  PetscReal      links, whole; /* unilateral links on all ranks; sum of tension times length, or times size if the direction is fixed */
+  PetscReal      mean, reach;  /* mean of t s; largest part of the step that moves no link too far */
+  PetscReal      force;        /* initial tension */
+  PetscBool      rigid;        /* there are inextensible links or contacts */
+  PetscBool      unstable;     /* the tangent stiffness of this step is not positive definite */
 } LatinInterior;
 
-/* Is it the law of link l that it bears nothing beyond a strain? A rigid link that nothing moves bears nothing at all, a cable next to no length long always pulls */
+/* Returns whether link l is unilateral. Not: rigid links that no displacement moves, and cables of natural length zero, which always pull */
 static PetscBool LatinInteriorUnilateral(const LatinInterior *point, PetscInt l)
 {
   const LatinStructure structure = point->structure;
@@ -74,13 +72,13 @@ static PetscReal LatinInteriorSign(const LatinInterior *point, PetscInt l)
   return LatinInteriorUnilateral(point, l) ? LatinLawSign(point->structure->law[l]) : 1.0;
 }
 
-/* How much its tension grows with its strain */
+/* Returns the stiffness dt/dx of link l at the tension t */
 static PetscReal LatinInteriorStiffness(const LatinInterior *point, PetscInt l, PetscReal t)
 {
   return point->s[l] > 0.0 ? t / (point->s[l] + point->give[l] * t / point->part[l]) : point->slope[l];
 }
 
-/* Directions, gaps, and the tangent of links that are not unilateral, at u. Collective on structure */
+/* Computes directions and gaps at u, and stiffness and tension of links that are not unilateral. Collective on structure */
 static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
 {
   const LatinStructure structure = point->structure;
@@ -118,7 +116,7 @@ static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Links that no free displacement moves. Collective on structure */
+/* Finds the links that no free displacement moves. Overwrites point->du. Collective on structure */
 static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
@@ -138,7 +136,7 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
-/* The mean product of tension and slack `part` of a step ahead. Collective on structure */
+/* Computes the mean of t s after `part` of the step. Collective on structure */
 static PetscErrorCode LatinInteriorMean_Private(const LatinInterior *point, PetscReal part, PetscReal *mean)
 {
   const LatinStructure structure = point->structure;
@@ -152,7 +150,7 @@ static PetscErrorCode LatinInteriorMean_Private(const LatinInterior *point, Pets
   PetscFunctionReturn(0);
 }
 
-/* Changes of the strains by the step du, as links stand, into ds, and the part of it that moves the ends of no link too far. Collective on structure */
+/* Computes the changes of the strains by the step du, into ds, and point->reach. Collective on structure */
 static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
@@ -161,7 +159,7 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
   Vec                  local;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureOpen_Private(structure, NULL, point->du, &local, &a)); /* no change where prescribed */
+  PetscCall(LatinStructureOpen_Private(structure, NULL, point->du, &local, &a)); /* zero at prescribed nodes */
   point->reach = 1.0;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     PetscReal moved = 0.0;
@@ -180,7 +178,7 @@ static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
-/* Unbalanced forces of the tensions a step ahead. Collective on snes */
+/* Computes the unbalanced forces with the tensions after the step, into point->r. Collective on snes */
 static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
@@ -200,7 +198,7 @@ static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior
   PetscFunctionReturn(0);
 }
 
-/* The step to products v: du, dt, ds. Collective on snes */
+/* Computes the step du, dt, ds to the products t s = v. Collective on snes */
 static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscReal v[], LatinInterior *point)
 {
   SNES_Latin        *data = (SNES_Latin *)snes->data;
@@ -210,7 +208,7 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscR
   PC                 pc;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < n; l++) { /* dt without the part of du */
+  for (PetscInt l = 0; l < n; l++) { /* without the part of du */
     point->dt[l] = point->s[l] > 0.0 ? (v[l] - point->t[l] * point->gap[l]) / (point->s[l] + point->give[l] * point->t[l] / point->part[l]) : 0.0;
   }
   PetscCall(LatinInteriorForces_Private(snes, point));
@@ -219,7 +217,7 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscR
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(KSPGetIterationNumber(ksp, &its));
   data->newton.stages += its;
-  if (reason == KSP_DIVERGED_INDEFINITE_MAT) { /* downhill all the same: the operators leave compression out */
+  if (reason == KSP_DIVERGED_INDEFINITE_MAT) { /* the operators, without compression, still give a descent direction */
     point->unstable = PETSC_TRUE;
     PetscCall(KSPGetPC(ksp, &pc));
     PetscCall(PCApply(pc, point->r, point->du));
@@ -235,7 +233,7 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscR
   PetscFunctionReturn(0);
 }
 
-/* How much of a step leaves tensions and slacks positive, and moves no link too far. Collective on structure */
+/* Computes the largest part of the step that leaves tensions and slacks positive and moves no link too far. Collective on structure */
 static PetscErrorCode LatinInteriorPart_Private(const LatinInterior *point, PetscReal *part)
 {
   PetscFunctionBegin;
@@ -249,7 +247,7 @@ static PetscErrorCode LatinInteriorPart_Private(const LatinInterior *point, Pets
   PetscFunctionReturn(0);
 }
 
-/* Corrections draw products to their mean, as long as the step becomes longer. Collective on snes */
+/* Corrects the step, drawing products t s towards the target, while this lengthens the step. Collective on snes */
 static PetscErrorCode LatinInteriorCorrect_Private(SNES snes, KSP ksp, PetscReal target, LatinInterior *point, PetscReal *part)
 {
   const LatinStructure structure = point->structure;
@@ -288,7 +286,7 @@ static PetscErrorCode LatinInteriorCorrect_Private(SNES snes, KSP ksp, PetscReal
   PetscFunctionReturn(0);
 }
 
-/* The step: to products of zero, which shows how far these can fall, then to what they are to be. Collective on snes */
+/* Computes the step: first to products of zero (predictor), to see how far they can fall, then to their target (corrector). Collective on snes */
 static PetscErrorCode LatinInteriorDirection_Private(SNES snes, KSP ksp, LatinInterior *point, PetscReal *part)
 {
   PetscReal ahead, target;
@@ -311,7 +309,7 @@ static PetscErrorCode LatinInteriorDirection_Private(SNES snes, KSP ksp, LatinIn
   PetscFunctionReturn(0);
 }
 
-/* Operators and Jacobian of stiffnesses and tensions of the tangent. Collective on snes */
+/* Makes operators and Jacobian of the present stiffnesses and tensions. Collective on snes */
 static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *point, KSP *ksp)
 {
   const LatinStructure structure = point->structure;
@@ -346,7 +344,7 @@ static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *poi
   PetscFunctionReturn(0);
 }
 
-/* A tension to start with: of those that there are, and of the loads that they leave on a node. Collective on snes */
+/* Computes point->force, the initial tension, from the present tensions and unbalanced forces. Collective on snes */
 static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
@@ -365,9 +363,9 @@ static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point
 }
 
 /*
-   Tensions and slacks at the displacements in the solution vector. Beside links that bear tension and compression, t s = force^2 / k of elastic ones.
-   Without such links force densities and slacks are alike: the start may be far, with few taut links or none. So they are where some links do not
-   stretch, whose products t s would be far from those of others. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
+   Initialises tensions and slacks at the displacements in the solution vector. With links that bear tension and compression, t s = force^2 / k of
+   elastic links. Without them, or with rigid links, whose products would differ much from the others, all tensions per length and slacks are alike: the
+   solution may be far. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
 */
 static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, PetscBool *suits)
 {
@@ -382,7 +380,7 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   PetscCall(LatinInteriorMeasure_Private(point, snes->vec_sol));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinInteriorUnilateral(point, l)) sum[0] += 1.0;
-    if (point->give[l] == 0.0) rigid = 1; /* between supports as well: Newton's method has no stiffness of it */
+    if (point->give[l] == 0.0) rigid = 1; /* between supports as well: infinite stiffness in Newton's method */
     if (LatinStructureKeeps(structure, l)) continue;
     least = PetscMin(least, point->length[l]);
     sum[1] += point->length[l];
@@ -412,7 +410,10 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   PetscFunctionReturn(0);
 }
 
-/* The error of the tensions after `part` of a step: what it changed, times the fall of the products, which the tensions of self-stresses follow. Collective on structure */
+/*
+   Estimates the relative error of the tensions after `part` of a step: their change times the decrease of the products, as for self-stresses.
+   Collective on structure
+*/
 static PetscErrorCode LatinInteriorLeft_Private(LatinInterior *point, PetscReal part, PetscReal *left)
 {
   const PetscReal before = point->mean;
@@ -429,7 +430,7 @@ static PetscErrorCode LatinInteriorLeft_Private(LatinInterior *point, PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Steps until one is small. Collective on snes */
+/* Takes steps until one is small, then hands over. Collective on snes */
 static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, PetscBool *done)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -453,8 +454,8 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
     PetscCall(VecNorm(u, NORM_2, &size));
     PetscCall(PetscInfo(snes, "Interior point, step %" PetscInt_FMT ": %g of %g, displacements %g; product of tension and slack %g%s\n", k, (double)part, (double)step, (double)size, (double)point->mean, point->unstable ? ", unstable" : ""));
     if (PetscIsInfOrNanReal(size) || part < LATIN_INTERIOR_SHORT) break;
-    if (point->unstable && !point->rigid && step > large->near * size) break; /* on its way past a limit point; where steps are small it is the node of a cable that slackens */
-    if (point->rigid) {                                                       /* displacements of nodes that slack cables alone hold never settle */
+    if (point->unstable && !point->rigid && step > large->near * size) break; /* past a limit point. In small steps the cause is a node of a slackening cable */
+    if (point->rigid) {                                                       /* not the displacements: nodes held by slack cables only never settle */
       PetscCall(LatinInteriorLeft_Private(point, part, &data->estimate.tensions));
       *done = (PetscBool)(part >= LATIN_INTERIOR_ENOUGH && point->mean * point->links <= LATIN_INTERIOR_SMALL * point->whole);
     }
@@ -466,8 +467,8 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
 }
 
 /*
-   From the displacements in the solution vector to the solution, whose error is proved: then *done. With links that do not stretch to where
-   the method of multipliers ends it from: their tensions then are in `tension`, the error of these is the estimated one. Collective on snes
+   Solves from the displacements in the solution vector. *done: the error is proved; with rigid links, near enough for the method of multipliers, to
+   which `tension` and their estimated error are passed. tension: [links_local], or NULL. Collective on snes
 */
 PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscReal tension[], PetscBool *done)
 {
@@ -480,7 +481,7 @@ PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscReal tension[], Pe
   *done = PETSC_FALSE;
   PetscCall(PetscCalloc7(structure->dim * n, &point.n, n, &point.length, n, &point.far, n, &point.give, n, &point.part, n, &point.bend, n, &point.gap));
   PetscCall(PetscCalloc7(n, &point.t, n, &point.s, n, &point.v, n, &point.trial, n, &point.dt, n, &point.ds, n, &point.held));
-  PetscCall(PetscMalloc2(n + 1, &point.slope, n + 1, &point.tau)); /* never NULL */
+  PetscCall(PetscMalloc2(n + 1, &point.slope, n + 1, &point.tau)); /* not NULL without links either */
   PetscCall(VecDuplicate(snes->vec_sol, &point.du));
   PetscCall(VecDuplicate(snes->vec_sol, &point.r));
   PetscCall(VecDuplicate(snes->vec_sol, &point.other));

@@ -1,16 +1,22 @@
 #include "snes/sneslatinimpl.h"
 
-/* The iteration where links turn far (snes/large.c): when operators are made anew, when Newton's method takes over, and what follows where that fails. */
+/*
+   The iteration if links turn by large angles (snes/large.c). After each linear stage SNESLatinLargeDecide_Private chooses: go on, make new operators,
+   hand over to Newton's method, or end. If Newton's method fails, the iteration goes on until its error is a hundredth of that.
+*/
 
-#define LATIN_LARGE_FAR      0.01                          /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_REST     LatinByPrecision(2e-11, 1e-3) /* indicator of stages that may be rounding, */
-#define LATIN_LARGE_IDLE     10                            /* if so many in a row do not halve the measure of the stop */
-#define LATIN_LARGE_PATIENCE 500 /* linear stages that do not halve the measure of the stop end a time step: those of masts, towers and bridges that never converge take a fifth; of many two are lost that took 6,000 and 10,000 */
+#define LATIN_LARGE_FAR  0.01                          /* factor on the error at which Newton's method is tried again after it has failed */
+#define LATIN_LARGE_REST LatinByPrecision(2e-11, 1e-3) /* indicator below which stages may be rounding */
+#define LATIN_LARGE_IDLE 10                            /* stages in a row that do not halve the measure of the stop: they are rounding */
+/*
+   linear stages without halving the measure of the stop after which a time step ends. Steps of masts, towers and bridges that never converge take a fifth
+   of the time; of many steps, two that took 6,000 and 10,000 stages are lost
+*/
+#define LATIN_LARGE_PATIENCE 500
 
 /*
-   Do operators made at the present displacements pay? They do where more linear stages are left, at the rate of the last
-   window, than a set-up costs; what is left is the way to what the stop asks for, or to where Newton's method takes over. To be
-   called once a stage. Not collective
+   Returns whether new operators at the present displacements pay: more linear stages are left, at the rate of the last window, than a set-up costs.
+   goal: the measure at the end, or where Newton's method takes over. To be called once per stage. Not collective
 */
 static PetscBool LatinLargeDue(LatinLarge *large, PetscReal measure, PetscReal goal)
 {
@@ -26,7 +32,7 @@ static PetscBool LatinLargeDue(LatinLarge *large, PetscReal measure, PetscReal g
   return (PetscBool)(left > 0.0 && large->window * left > large->cost * gain);
 }
 
-/* Has the iteration come to rest but for rounding: do stages change little, and not halve the measure of the stop? Once a stage */
+/* Returns whether the changes are rounding: stages change little and do not halve the measure of the stop. Once per stage */
 static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal indicator)
 {
   large->idle = indicator <= LATIN_LARGE_REST && measure > 0.5 * large->lowest ? large->idle + 1 : 0;
@@ -34,7 +40,7 @@ static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal
   return (PetscBool)(large->idle >= LATIN_LARGE_IDLE);
 }
 
-/* Is a time step given up? The equations of one that is long beside the periods may have no solution that can be found. Once a stage */
+/* Returns whether a time step is given up: one that is long beside the periods may have no solution that can be found. Once per stage */
 static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscInt stage)
 {
   if (measure <= 0.5 * large->half) {
@@ -44,7 +50,7 @@ static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscIn
   return (PetscBool)(large->frame->turns->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
 }
 
-/* What follows this linear stage. Collective on snes */
+/* Decides what follows this linear stage. Collective on snes */
 static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
@@ -71,7 +77,10 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   PetscFunctionReturn(0);
 }
 
-/* Newton's method after the iteration; where it fails this goes on, closer to the solution. Collective on snes */
+/*
+   Runs Newton's method after the iteration. If it fails, the iteration goes on with new operators, to a smaller error. *done: the solve has ended.
+   Collective on snes
+*/
 static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 {
   SNES_Latin     *data     = (SNES_Latin *)snes->data;
@@ -93,15 +102,15 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   large->newton_failed = PETSC_TRUE;
   large->near *= LATIN_LARGE_FAR;
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
-  if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
+  if (!rests) PetscFunctionReturn(0); /* the iteration rests where Newton's method finds no solution */
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
-  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* rigid links whose lengths are incompatible push each other */
-  data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* displacements that leap away rest nowhere */
+  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* incompatible rigid links push each other away */
+  data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* diverging displacements rest nowhere */
   *done      = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
-/* For the loads that there are, from the state z on. Collective on snes */
+/* Solves for the present loads from the state z. Collective on snes */
 PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;

@@ -1,6 +1,11 @@
 #include "snes/largepath.h"
 
-/* Stiffnesses of the links at u; of those that are nearer to a kink than the error asked for, that of the stiffer side, which holds what rests within that error, or of the softer one. Collective on snes */
+/* Kinks of laws on a path: links nearer to a kink, as between slack and taut, than the requested error have two stiffnesses. */
+
+/*
+   Computes the stiffnesses of the links at u. A link nearer to a kink of its law than the requested error gets that of its stiffer side, which holds
+   states within that error, or of its softer side. Collective on snes
+*/
 PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, PetscReal slope[])
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -21,7 +26,7 @@ PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, Pets
   PetscFunctionReturn(0);
 }
 
-/* Is any link stiffer by its law at v than at u, as a slack cable that becomes taut? Collective on snes */
+/* Returns in *tightens whether any link is stiffer at v than at u, as a slack cable that becomes taut. Collective on snes */
 PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tightens)
 {
   const PetscInt n = ((SNES_Latin *)snes->data)->large.frame->turns->links_local;
@@ -29,7 +34,7 @@ PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tig
   PetscMPIInt    any = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* never NULL */
+  PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* not NULL without links either */
   PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
   PetscCall(LatinPathSlopes_Private(snes, v, PETSC_TRUE, slope + n));
   for (PetscInt l = 0; l < n; l++)

@@ -1,14 +1,14 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   How a structure moves where no equilibrium follows: the displacements x of the least mu in K x = mu M x, K = E + G+ - G- the tangent stiffness: E of the laws, G+ of links
-   that pull, G- of links in compression, and M = E + G+ + G-. mu is 1 of soft parts that nothing presses, as guys are, and 0 of what buckles, whatever the
-   stiffness of either.
+   Softest mode where no equilibrium follows: the displacements x of the least mu in K x = mu M x, with K = E + G+ - G- the tangent stiffness and M = E
+   + G+ + G-. E: stiffness of the laws, G+: geometric stiffness of links in tension, G-: that of links in compression. mu is 1 for soft parts without
+   compression, as guys, and 0 in buckling, for any stiffness. Computed by inverse iteration.
 */
 
-#define LATIN_PATH_INVERSE 4 /* solves: with 3 a tower has a node too many, with 2 masts have guys */
+#define LATIN_PATH_INVERSE 4 /* inverse iterations; 3: a tower names a node too many, 2: masts name guys */
 
-/* Forces that differ from node to node: any mode has a part of them */
+/* Sets forces that differ from node to node, so that they have a part in any mode */
 PetscErrorCode LatinPathForces_Private(Vec r)
 {
   PetscInt     first, last;
@@ -22,7 +22,10 @@ PetscErrorCode LatinPathForces_Private(Vec r)
   PetscFunctionReturn(0);
 }
 
-/* The mode at the equilibrium u; `mode` is a force at first, and zero in the end where the tangent stiffness is not positive definite. Collective on snes */
+/*
+   Computes the softest mode at the equilibrium u. mode: on entry a force; on return zero if the tangent stiffness is not positive definite. Collective
+   on snes
+*/
 PetscErrorCode LatinPathMode_Private(SNES snes, Vec u, Vec mode)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;

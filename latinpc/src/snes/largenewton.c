@@ -1,39 +1,43 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method where links turn far, by conjugate gradients on the tangent stiffness, with the operators of the iteration as
-   preconditioner. Tensions go ahead of the displacements [D. Magisano, L. Leonetti, G. Garcea 2017]: the part of the tangent stiffness that
-   is due to them has those of the strains that the last step was to make, and not those of the lengths that it has made, which a bar that turns
-   by a few degrees has wrong by more than it bears. So steps are taken whole. At the solution both are the same. A slack cable keeps a stiffness in
-   proportion to the step, which a chain that falls until it hangs needs.
+   Newton's method where links turn by large angles. Its linear solver is conjugate gradients on the tangent stiffness (GMRES in time steps), preconditioned
+   by the operators of the iteration.
 
-   After the iteration strains are unknowns of their own: laws go on as straight lines from the strains that the last step was to make, at first those of
-   the last local stage, so that these say which cables are slack, and not the lengths. No cable changes to and fro as it turns, and nets half of whose cables change take a few whole
-   steps. Where many have changed since, operators are made anew: each takes a linear iteration at most, and all together longer than a set-up.
+   Tensions ahead of the displacements [D. Magisano, L. Leonetti, G. Garcea 2017]: the geometric part of the tangent stiffness has the tensions of the
+   linearised strains that the last step predicted, not those of the actual lengths. The length of a bar that turns by a few degrees is wrong by more than
+   what it bears. So whole steps are taken. At the solution both tensions agree. A slack cable keeps a stiffness in proportion to the step: a falling chain
+   needs it.
 
-   The unbalanced forces after a step, in the norm of the operators, say how much of the step is left as error: they are
-   linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
-   eigenvalue that the linear solve has seen; in time steps, whose tangents are not symmetric, by the least singular value. Cables that change between taut and slack leave more, so that the step must be small itself. Where it
-   takes stiffness from links the operators have them as too stiff, and one more is taken: a front of cables that slacken one after the other goes on
-   by steps of one length, while each leaves a thousandth of its forces. The error of the tensions is that part of their change, or what they miss of those ahead.
+   After the iteration, strains are separate unknowns: laws continue as straight lines from the strains predicted by the last step, at first those of the
+   last local stage. So these strains, not the lengths, decide which cables are slack. No cable alternates between taut and slack as it turns; nets with half
+   of their cables changing need a few whole steps. New operators are made once many links have changed: each costs up to a linear iteration.
+
+   Error after a step (LatinLargeError_Private):
+   - Displacements: the norm of the unbalanced forces in the operators, relative to that before the step, is the part of the step that remains as error: both
+     are linear in it. Fields that the operators make too stiff are underestimated, by no more than the least eigenvalue seen by the linear solve (least
+     singular value in time steps, whose tangents are not symmetric).
+   - Cables that change between taut and slack add error, so the step itself must be small. If it softens links, their operators are too stiff, and one more
+     step is taken: a front of slackening cables advances in steps of equal length, each of which leaves a thousandth of its forces.
+   - Tensions: the same part of their change, or their difference from the tensions ahead.
 */
 
-#define LATIN_LARGE_STEPS   50   /* most steps */
-#define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, and one for each link that has changed, or twice the digits: a soft field shows late; a tower claimed a fiftieth of its error, a net in the wind a four-hundredth */
-#define LATIN_LARGE_CHANGES 100  /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
-#define LATIN_LARGE_LONG    20   /* iterations with one set of operators, in time steps as many as a set-up takes: a linear solve that is cut after 5 fails with weak interfaces */
-#define LATIN_LARGE_STALE   0.5  /* on a path, iterations after which new operators are made, relative to a set-up: with 0.25 half of the iterations and twice the set-ups, in the same time */
-#define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
-#define LATIN_LARGE_FINER   0.1  /* times that along a path, far from the solution: next to a limit point soft displacements are lost else */
-#define LATIN_LARGE_STEP    2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
-#define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
-#define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
-#define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
-#define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions, each by the size over its length: rounding of forces */
-#define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
-#define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM, of the largest stiffness: a stiffness that is less is what rounding makes of none */
+#define LATIN_LARGE_STEPS   50   /* most steps of one run */
+#define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, at least, and 1 per changed link; fewer: a net claimed 1/400 of its error */
+#define LATIN_LARGE_CHANGES 100  /* links whose stiffness differs from the operators from which on new ones are made; each costs up to one linear iteration */
+#define LATIN_LARGE_LONG    20   /* most linear iterations with one set of operators, in time steps the cost of a set-up; 5: fails with weak interfaces */
+#define LATIN_LARGE_STALE   0.5  /* the same along a path, relative to the cost of a set-up; 0.25: half the iterations, twice the set-ups, equal time */
+#define LATIN_LARGE_RTOL    1e-2 /* rtol of a linear solve; a smaller one gains nothing after the next step */
+#define LATIN_LARGE_FINER   0.1  /* factor on this rtol along a path, far from the solution; without it soft displacements are lost next to a limit point */
+#define LATIN_LARGE_STEP    2.0  /* divergence: step relative to the displacements after it; 1: a bridge takes twice the set-ups, none: a truss snaps through */
+#define LATIN_LARGE_PROOF   4.0  /* largest step whose error is computed, relative to the requested error; larger ones are not worth the linear stage */
+#define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or has met rounding */
+#define LATIN_LARGE_ROUND   10.0 /* steps below this multiple of the rounding error may be rounding */
+#define LATIN_LARGE_NOISE   64.0 /* rounding of forces: times eps and the norm of the tensions, each times size over length */
+#define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve for a tangent prediction */
+#define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM and the largest stiffness: the least stiffness that is not rounding */
 
-/* The norm of the residual r that the linear solver has: by default sqrt(r^t K^-1 r) with K the operators of the iteration. Collective on newton */
+/* Computes the norm of the residual r that the linear solver uses: by default sqrt(r^t K^-1 r), K the operators of the iteration. Collective on newton */
 static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *norm)
 {
   KSPNormType type;
@@ -56,7 +60,7 @@ static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec
   PetscFunctionReturn(0);
 }
 
-/* A linear solve ends at its tolerance, or when it has taken so many iterations */
+/* Ends a linear solve at its tolerance, tighter far from the solution along a path and in the first iterations near it, or after large->limit iterations */
 static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
   LatinLarge     *large = (LatinLarge *)ctx;
@@ -74,7 +78,10 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscFunctionReturn(0);
 }
 
-/* Root mean square differences of tensions a - b relative to those of b, none where without loads b are what rounding of the lengths makes. Collective on large->frame */
+/*
+   Computes the root mean square of the differences of tensions a - b relative to b; 0 if without loads b are rounding errors of the
+   lengths. Collective on large->frame
+*/
 static PetscErrorCode LatinLargeDifference_Private(const LatinLarge *large, const PetscReal a[], const PetscReal b[], PetscReal *difference)
 {
   const LatinStructure structure = large->frame->turns;
@@ -91,7 +98,10 @@ static PetscErrorCode LatinLargeDifference_Private(const LatinLarge *large, cons
   PetscFunctionReturn(0);
 }
 
-/* What a step to u, where r is left, leaves as error of displacements and of tensions, relative. Collective on newton */
+/*
+   Estimates the relative errors of displacements and tensions after a step to u, with the residual r there. step: its length relative to
+   the displacements. Collective on newton
+*/
 static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, PetscReal step, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
 {
   const LatinStructure structure = large->frame->turns;
@@ -106,9 +116,10 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscCall(KSPGetNormType(ksp, &type));
   PetscCall(VecNorm(u, NORM_2, &moved));
   left   = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
-  part   = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
+  part   = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* sum of the geometric series of the next steps */
   *error = part * step;
-  if (type == KSP_NORM_PRECONDITIONED && moved > 0.0) *error = PetscMax(*error, LATIN_LARGE_SAFETY * left / moved); /* of displacements: soft nodes, as those without mass, may hide in that part what others miss */
+  /* an absolute bound as well: soft nodes, as those without mass, may hide the error of others in the relative one */
+  if (type == KSP_NORM_PRECONDITIONED && moved > 0.0) *error = PetscMax(*error, LATIN_LARGE_SAFETY * left / moved);
   *error    = PetscMin(1.0, *error);
   *tensions = 0.0;
   if (!large->ahead) PetscFunctionReturn(0);
@@ -120,7 +131,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscFunctionReturn(0);
 }
 
-/* The unbalanced forces of the laws themselves at u, and their norm. Collective on newton */
+/* Computes the unbalanced forces r at u with the laws themselves, not their straight lines, and their norm. Collective on newton */
 static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
 {
   const LatinStructure   structure = large->frame->turns;
@@ -134,7 +145,7 @@ static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large
   PetscFunctionReturn(0);
 }
 
-/* After a step, of a part of the displacements: does it end the method? Collective on newton */
+/* Decides after a step whether Newton's method ends. step: its length relative to the displacements. Collective on newton */
 static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, SNESConvergedReason *reason)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
@@ -161,7 +172,8 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
     large->first_step[0] = linear > 0 ? step : 1.0;
     large->first_step[1] = large->stretch;
   }
-  if (small && (linear > 0 || linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions)); /* else PETSc has no singular values of the last iteration */
+  /* in other cases PETSc has no singular values of the last iteration */
+  if (small && (linear > 0 || linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
   else if (small) large->error = tensions = 1.0;
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, u, &far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
@@ -171,13 +183,15 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   data->estimate.tensions   = large->ahead ? tensions : -1.0;
   large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
-  else if (it > 1 && large->ahead && step > LATIN_LARGE_STEP && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it wanders */
+  else if (it > 1 && large->ahead && step > LATIN_LARGE_STEP && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it diverges */
   else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL; /* displacements that leap away hide any step */
+  /* the same: large displacements make any relative step small */
+  else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL;
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target && fnorm <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
-  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
+    /* another solve as long as the last one would be cut short */
+  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT;
   else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }
@@ -192,15 +206,19 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   *reason = SNES_CONVERGED_ITERATING;
   PetscCall(SNESGetLineSearch(newton, &search));
   PetscCall(SNESLineSearchGetLambda(search, &part));
-  if (!it) PetscCall(VecNorm(newton->vec_sol, NORM_2, &xnorm)); /* which PETSc does not say before the first step */
+  if (!it) PetscCall(VecNorm(newton->vec_sol, NORM_2, &xnorm)); /* PETSc passes 0 before the first step */
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
-  else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */ large->error = 0.0;
-    *reason                                                                                                                                                                                        = SNES_CONVERGED_FNORM_ABS;
-  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, reason)); /* the whole step: parts of it are small also where none leads on */
+  else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* rounding of a self-stress */ large->error = 0.0;
+    *reason                                                                                                                                                               = SNES_CONVERGED_FNORM_ABS;
+    /* the whole step: a damped one is small without convergence as well */
+  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, reason));
   PetscFunctionReturn(0);
 }
 
-/* The tensions ahead: at u, and the change that the step, which is to be subtracted, makes; and how many links it takes stiffness from. Collective on large->frame */
+/*
+   Updates the tensions ahead: those at u plus the change predicted by the step, which is subtracted from u. Counts the links that it
+   softens, large->softer. Collective on large->frame
+*/
 static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step)
 {
   const LatinStructure structure = large->frame->turns;
@@ -220,7 +238,7 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   PetscFunctionReturn(0);
 }
 
-/* The whole step, where tensions go ahead of the displacements. Collective on the SNES */
+/* Line search: takes the whole step and updates the tensions ahead of the displacements. Collective on the SNES */
 static PetscErrorCode LatinLargeWhole_Private(SNESLineSearch search, void *ctx)
 {
   SNES newton;
@@ -247,7 +265,7 @@ static PetscErrorCode LatinLargeJacobian_Private(SNES newton, Vec u, Mat A, Mat 
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES, prefix -snes_latin_newton_. Collective on snes */
+/* Creates the inner SNES, prefix -snes_latin_newton_, unless there is one. Collective on snes */
 static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -260,8 +278,9 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 
   PetscFunctionBegin;
   if (*newnewton) PetscFunctionReturn(0);
-  PetscCall(SNESLatinInner_Private(snes, LatinLargeWhole_Private, snes, structure->midpoint ? KSPGMRES : KSPCG, &newton)); /* tangents of a time step are not symmetric */
-  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT));                                                         /* a step that is cut short counts */
+  /* tangents of a time step are not symmetric */
+  PetscCall(SNESLatinInner_Private(snes, LatinLargeWhole_Private, snes, structure->midpoint ? KSPGMRES : KSPCG, &newton));
+  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT)); /* a linear solve cut short still gives a step */
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_LARGE_PREDICT));
   PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
@@ -280,7 +299,10 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscFunctionReturn(0);
 }
 
-/* l2 norm of what rounding of coordinates multiplies: the tensions at u, each times the size of the structure over its length, for it turns the link, unless that keeps its direction; without loads also the stiffnesses times that size, for it changes lengths. Collective on snes */
+/*
+   Computes the l2 norm of what rounding of coordinates multiplies: the tensions at u, each times size over length, since rounding turns the
+   link (unless it keeps its direction); without loads also stiffness times size, since rounding changes lengths. Collective on snes
+*/
 static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal *norm)
 {
   const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
@@ -306,7 +328,10 @@ static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* Does the solution vector, of displacements that are none, leave only what rounding makes of a self-stress? A form that is found is such a state. Collective on snes */
+/*
+   Returns in *rests whether the solution vector is zero but for rounding and leaves only rounding errors of a self-stress, as at a form
+   found before. Collective on snes
+*/
 PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
@@ -324,13 +349,13 @@ PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
   PetscFunctionReturn(0);
 }
 
-/* The displacements in the solution vector are the solution, of this error. Collective on snes */
+/* Accepts the displacements in the solution vector as solution with this error. Collective on snes */
 PetscErrorCode SNESLatinLargeClaim_Private(SNES snes, PetscReal error, LatinNext next)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
-  data->large.frame->turns->strain = NULL; /* the laws themselves again */
+  data->large.frame->turns->strain = NULL; /* the laws themselves, not their straight lines */
   data->estimate.value             = error;
   data->next                       = next;
   PetscCall(SNESLatinBalance_Private(snes));
@@ -339,7 +364,7 @@ PetscErrorCode SNESLatinLargeClaim_Private(SNES snes, PetscReal error, LatinNext
   PetscFunctionReturn(0);
 }
 
-/* The displacements u of all copies, which operators made anew do not have. Collective on latin */
+/* Copies the displacements u to all copies of the nodes; operators made anew do not have them. Collective on latin */
 static PetscErrorCode LatinLargeCopies_Private(Latin latin, Vec u)
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -351,7 +376,10 @@ static PetscErrorCode LatinLargeCopies_Private(Latin latin, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* From the displacements in the solution vector to the solution, whose error is proved, unless linear iterations take longer than new operators are worth: then *done. Collective on snes */
+/*
+   Runs Newton's method from the displacements in the solution vector with the present operators. *done: the error is proved, or rounding
+   prevents more. Else it failed, or linear iterations cost more than new operators (large->slow). Collective on snes
+*/
 PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 {
   SNES_Latin         *data  = (SNES_Latin *)snes->data;
@@ -389,11 +417,12 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->turns->midpoint || large->force <= large->balance)));
   if (!*done) PetscFunctionReturn(0);
   if (reason < 0) PetscCall(PetscInfo(snes, "The requested error, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
-  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING)); /* a time step is one as far as rounding lets it */
+  /* a time step counts as converged at rounding */
+  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING));
   PetscFunctionReturn(0);
 }
 
-/* A linear solver of the tangent stiffness at u; borrowed. Collective on snes */
+/* Returns a linear solver of the tangent stiffness at u, borrowed. Links at kinks of their laws count with their stiffer sides. Collective on snes */
 PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -405,9 +434,9 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
   PetscCall(SNESSetUp(data->newton.snes));
   PetscCall(SNESGetJacobian(data->newton.snes, &A, &P, NULL, NULL));
-  if (structure->slope) PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P)); /* of the interior-point method */
+  if (structure->slope) PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P)); /* stiffnesses of the interior-point method */
   else {
-    PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* never NULL */
+    PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* not NULL without links either */
     PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
     structure->slope = slope;
     PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
@@ -420,7 +449,10 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscFunctionReturn(0);
 }
 
-/* The displacements `step` by a load, by the tangent stiffness at u, and their l2 norm: without bound where that is not positive definite, as of a mechanism. Collective on snes */
+/*
+   Computes the displacements `step` under a load by the tangent stiffness at u, and their l2 norm: PETSC_MAX_REAL if that is not positive
+   definite, or a mechanism. Collective on snes
+*/
 PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec step, PetscReal *moved)
 {
   KSPConvergedReason reason;
@@ -430,7 +462,7 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  PetscCall(KSPSetTolerances(ksp, rtol * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT)); /* each node's, a soft one's as well */
+  PetscCall(KSPSetTolerances(ksp, rtol * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT)); /* accurate at each node, including soft ones */
   PetscCall(KSPSolve(ksp, load, step));
   PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
@@ -441,7 +473,10 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
   PetscFunctionReturn(0);
 }
 
-/* The l2 norm of the step that Newton's method would take from `ahead` with the tangent stiffness at u, the last equilibrium on a path. Overwrites ahead. Collective on snes */
+/*
+   Computes the l2 norm of the Newton step from the displacements `ahead` with the tangent stiffness at u, the last equilibrium of a path.
+   Overwrites ahead. Collective on snes
+*/
 PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscReal *norm)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;

@@ -1,13 +1,14 @@
 #include "snes/sneslatinimpl.h"
 
+/* Displacements of single nodes along a path: one node that moves does not show in a norm of all. */
+
+#define LATIN_PATH_EQUAL 1.01 /* tolerance of LatinPathBetween_Private, for the error of the linear solves */
+#define LATIN_PATH_ASIDE 0.2  /* part of the mean prediction by which a node of a large net may lie beside the predictions */
+
 /*
-   How far each node moves along a path of large displacements: what moves one node alone is nothing in a norm of all of them.
+   Returns in *within whether each node moves by `moved` at most LATIN_PATH_FAR times as far as by `other`, or at most `little`, or at most
+   LATIN_PATH_ASIDE times as far as by `middle` (or NULL). Collective on structure
 */
-
-#define LATIN_PATH_EQUAL 1.01 /* times as far from the middle as the two displacements are: a node that moves as one of them says, but for the error of the linear solves */
-#define LATIN_PATH_ASIDE 0.2  /* of the middle between two displacements: a node of a large net may lie so far aside of them */
-
-/* Does no node move more than twice as far by `moved` as by the other, than a little, or than LATIN_PATH_ASIDE of a third one, or NULL? Collective on structure */
 PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within)
 {
   const PetscInt     dim = structure->dim, vectors = middle ? 3 : 2;
@@ -37,8 +38,9 @@ PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec o
 }
 
 /*
-   Are the displacements `mean` of each node no further from the middle between those by the tangent stiffness at the start, `ahead`, and at the end, `back`,
-   than these are, or than a part of the middle? Where `back` is NULL, no further from `ahead` than that is from zero; or no larger than a little. Collective on structure
+   Returns in *within whether the displacement `mean` of each node is between the predictions at the start, `ahead`, and at the end, `back`: no further
+   from their middle than they are, or than LATIN_PATH_ASIDE of the middle, or than half of `little`. back NULL: no further from `ahead` than `ahead` is
+   from zero. Collective on structure
 */
 PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within)
 {
@@ -56,14 +58,17 @@ PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec 
   }
   PetscCall(VecWAXPY(off, -1.0, middle, mean));
   PetscCall(VecScale(half, LATIN_PATH_EQUAL / LATIN_PATH_FAR));
-  PetscCall(LatinPathNodes_Private(structure, off, half, middle, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
+  PetscCall(LatinPathNodes_Private(structure, off, half, middle, 0.5 * little, within)); /* twice `ahead` is off the middle by half of itself */
   PetscCall(DMRestoreGlobalVector(structure->dm, &middle));
   PetscCall(DMRestoreGlobalVector(structure->dm, &half));
   PetscCall(DMRestoreGlobalVector(structure->dm, &off));
   PetscFunctionReturn(0);
 }
 
-/* No forces f on nodes that displacements leave without any, as `left` by the tangent stiffness: only slack links hold them. Collective on structure */
+/*
+   Removes the forces f on nodes that only slack links hold: `left`, the stiffness times some displacements, is exactly zero there. Overwrites left.
+   Collective on structure
+*/
 PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
 {
   const PetscInt dim = structure->dim;
@@ -88,7 +93,10 @@ PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
   PetscFunctionReturn(0);
 }
 
-/* Can any link bear compression, but for those that keep their direction, which are floors? floors, unless NULL: are there any? Collective on structure */
+/*
+   Returns in *struts whether any link that may turn can bear compression, and in *floors (or NULL) whether any link keeps its direction, as floors do.
+   Collective on structure
+*/
 PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts, PetscBool *floors)
 {
   PetscMPIInt any[2] = {0, 0};

@@ -1,35 +1,52 @@
 #include "snes/largepath.h"
 
 /*
-   The equilibrium to which loads and prescribed displacements (snes/largesupports.c) lead as they grow from zero, where there may be others. Of cables
-   alone the energy is convex, and there is no other. A link that bears compression may snap through; then a solve for the whole loads
-   may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment and at its end. Along a
-   smooth path, and where a cable slackens on the way, they lie between the two, or aside by a part of their distance. Next to a limit point the end says
-   nothing, and they are at most twice those at the start. Each node counts, and its direction: a truss that snaps through moves a large net but little. The
-   increment is halved where a node has moved further, where no equilibrium is found, or one whose tangent stiffness is not positive definite.
-   Increments that become small show a limit point, or a critical load. An equilibrium that was found from afar is compared
-   again from closer by, so that no load is solved for twice, unless it is still further than any path leads: then it is on another one.
+   Follows the equilibrium while loads and prescribed displacements (snes/largesupports.c) grow together from zero. Structures of cables
+   alone need no path: their energy is convex, and the equilibrium unique. A link that bears compression may snap through; a solve for the
+   whole loads may then end beyond the snap.
 
-   Newton's method follows a smooth path in a few steps an increment, and far from it fails, or finds what is rejected. So where its first step from what
-   the tangent stiffness says of an increment is many times as long as that, the increment is halved at once. Where so many cables change that it does
-   not follow, the interior-point method does, and takes as many steps from near as from afar: then the farthest equilibrium is sought first, and Newton's
-   method not tried again from the same equilibrium for larger increments.
+   The first target is the whole path. For each target:
 
-   What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
-   it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
-   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once, and what sags stiffens
-   as the cube of its displacements. But not where no link tightens and forces fall on the way, a snap under less than the least increment. Where a cable
-   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than twice only
-   in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
+   1. Prediction (LatinPathFar_Private): if the first step of Newton's method, taken from the prediction of the tangent stiffness, is many
+      times as long as that prediction, the increment is halved without a solve.
+   2. Solution (LatinPathSolve_Private): Newton's method. It takes a few steps on a smooth path and fails if many cables change. Then the
+      interior-point method takes over, which needs as many steps for a large increment as for a small one. From then on the largest
+      increments are solved first, and Newton's method is not repeated from the same equilibrium for larger increments than one at which it
+      failed.
+   3. Comparison (LatinPathMoved_Private): the mean rate of each node's displacement over the increment must lie between the rates of the
+      tangent stiffness at its start and at its end, or beside them by a part of their mean. This holds on smooth paths, and if a cable
+      slackens on the way. Next to a limit point the rate at the end is useless; then the displacement may be twice that predicted at the
+      start. Each node counts, with the direction of its motion: a small truss that snaps through hardly changes the norm of all
+      displacements of a large net.
+   4. The increment is halved if the comparison fails, if no equilibrium is found, or if its tangent stiffness is not positive definite.
+      Equilibria found for larger increments are kept and compared again from closer states, so no load is solved for twice; one that is
+      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST show a limit point or a
+      critical load.
+
+   Stiffening: where a structure is soft at the start and stiffens, the prediction at the start is so large that any snap would pass; and
+   loads far beyond a limit point move a truss to a stiff state by as much as the drawing predicts. So no node may stiffen by more than a
+   factor of two from the start of an increment to its mean, or from the mean to its end; else the increment becomes smaller. Small
+   increments (LATIN_PATH_STIFFENS) are exempt, since a cable that tightens stiffens at once, and the force of a sagging net grows as the
+   cube of its displacements. They are not exempt if no link tightens and the forces fall along the way: that is a snap within less than the
+   least increment.
+
+   Softening: a cable that slackens softens the structure at once. Displacements far smaller than those so far are therefore never too large
+   (LATIN_PATH_KINK), and the end may be softer than the start by more than a factor of two, but only in small increments.
+
+   A warm start continues from the last equilibrium, a guess from the loads that it bears (snes/largestart.c).
 */
 
-#define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
-#define LATIN_PATH_HALVES    12   /* points of an increment, each half as far as the one before: a snap may be shorter by so many powers of two */
-#define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end of a small increment at most: more, and it may have snapped to where it is soft */
-#define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
-#define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
+#define LATIN_PATH_KINK   1e-2 /* displacements below this part of the largest one so far are not compared: a cable may slacken */
+#define LATIN_PATH_HALVES 12   /* points tested on an increment, each half as far as the one before: finds snaps as short as 2^-11 of it */
+/* largest ratio of the rates at the end and at the start of a small increment; beyond it the end may be a soft state after a snap */
+#define LATIN_PATH_SOFT      8.0
+#define LATIN_PATH_CURVE     3.0  /* largest ratio of the rates at the ends to the mean rate for which a cubic curve does not overshoot */
+#define LATIN_PATH_CORRECTED 30.0 /* largest first Newton step from the prediction, relative to the predicted displacements; 10 and 100 take as many set-ups */
 
-/* Do the forces of the links along the straight way from u to v never fall on it? A truss that snaps through is seen up to some thousand times as far as it is high. Overwrites w. Collective on structure */
+/*
+   Returns in *rises whether the forces of the links never fall along the straight way from u to v. If they fall, a truss has snapped
+   through; it is seen up to some thousand times its height away. Overwrites w. Collective on structure
+*/
 static PetscErrorCode LatinPathRises_Private(LatinStructure structure, Vec u, Vec v, Vec w, PetscBool *rises)
 {
   PetscScalar force, further = 0.0;
@@ -55,8 +72,8 @@ static PetscErrorCode LatinPathRises_Private(LatinStructure structure, Vec u, Ve
 }
 
 /*
-   By how much the next increment is to be smaller: 1 where this one, to the target, has moved no node too far, nor much less or more than the tangent stiffness
-   says where it starts and where it ends. Collective on snes
+   Compares the increment from path->u to the target with the tangent stiffness at both ends (step 3 of the file). *smaller: 1 if the
+   increment is accepted, else the factor for the next one. Sets target->other. Collective on snes
 */
 static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
@@ -65,7 +82,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   const PetscReal      more = target->part - data->large.reached, back = target->far;
   PetscReal            size, step, moved, little;
   PetscBool            within = PETSC_TRUE;
-  Vec                  change; /* as for the whole path */
+  Vec                  change; /* displacements of the increment, scaled to the whole path */
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &change));
@@ -76,7 +93,8 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_LARGE_NONE * data->large.size) / more;
   PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
-  if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within)); /* a law with its kink where the path starts: the end says it all */
+  /* path->u is at a kink of a law: only the rate at the end counts */
+  if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within));
   target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller      = within ? 1.0 : 0.5;
   if (within) {
@@ -86,7 +104,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
       PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &within));
       if (!within) PetscCall(LatinPathRises_Private(structure, path->u, target->u, change, &within));
     }
-    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* none so small that it may stiffen as it will */
+    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* not below the size from which on stiffening is allowed */
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
   PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
@@ -95,8 +113,9 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
 }
 
 /*
-   Where the nearest target may be, seen from the equilibrium path->u: on the cubic curve to the next one, if it has been found and both tangent stiffnesses are such
-   that the curve does not overshoot [F. N. Fritsch, R. E. Carlson 1980]; else path->u. Where supports move, on the tangent. Overwrites path->step. Collective on snes
+   Chooses *guess, the displacements at which Newton's method starts for the nearest target: the tangent prediction if supports move; a
+   point of the cubic curve between path->u and the next known equilibrium if the rates at both ends are such that the curve does not
+   overshoot [F. N. Fritsch, R. E. Carlson 1980]; else path->u. Overwrites path->step. Collective on snes
 */
 static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, Vec *guess)
 {
@@ -124,7 +143,7 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
   PetscFunctionReturn(0);
 }
 
-/* The nearest target from u: *found. Newton's method, which fails next to kinks, is not tried for a larger increment than one that it failed at. Collective on snes */
+/* Solves for the nearest target from u. After a failure Newton's method is not repeated for an increment larger than the failed one. Collective on snes */
 static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, PetscBool *found)
 {
   SNES_Latin      *data   = (SNES_Latin *)snes->data;
@@ -145,23 +164,29 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, 
   PetscFunctionReturn(0);
 }
 
-/* Is the nearest target too far from the equilibrium path->u to be sought? Collective on snes */
+/*
+   Sets target->passed: whether the nearest target is too far from path->u for Newton's method (step 1 of the file). Overwrites path->step.
+   Collective on snes
+*/
 static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 {
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.reached;
-  PetscReal        corrected, none = LATIN_LARGE_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, where nothing more acts */
+  PetscReal        corrected, none = LATIN_LARGE_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, if loads do not change */
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;
-  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens every increment is too large by the tangent stiffness there */
+  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens the prediction is too large for any increment */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
   target->passed = (PetscBool)(corrected > PetscMax(LATIN_PATH_CORRECTED * more * path->far, none));
   PetscFunctionReturn(0);
 }
 
-/* The tangent prediction from the equilibrium that was found for the nearest target, and whether it is stable: once, with the operators there are. Collective on snes */
+/*
+   Computes the tangent prediction at the equilibrium of the target, with the present operators, and whether this is stable. If not, a
+   stable one is sought once beside it. Collective on snes
+*/
 static PetscErrorCode LatinPathSee_Private(SNES snes, LatinPath *path, LatinPathTarget *target)
 {
   PetscBool again = PETSC_TRUE;
@@ -179,7 +204,8 @@ static PetscErrorCode LatinPathSee_Private(SNES snes, LatinPath *path, LatinPath
 }
 
 /*
-   An increment from the equilibrium path->u to the nearest target: the path goes on from there where *smaller is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
+   Tries the increment from path->u to the nearest target. *smaller: 1 if the path continues from the target, else the factor for the next
+   increment. A target solved for before, from further away, is only compared again. Collective on snes
 */
 static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, PetscReal *smaller)
 {
@@ -204,9 +230,9 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   }
   PetscCall(LatinPathMoved_Private(snes, path, target, smaller));
   if (!target->stable) *smaller = PetscMin(0.5, *smaller);
-  if (target->other && known) PetscCall(VecDestroy(&target->u)); /* from closer by as well */
+  if (target->other && known) PetscCall(VecDestroy(&target->u)); /* on another path, seen from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
-  if (known && path->targets == 1) { /* the end: operators and estimates there again */
+  if (known && path->targets == 1) { /* end of the path: operators and error estimates belong there */
     PetscCall(VecCopy(target->u, snes->vec_sol));
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(LatinPathSolve_Private(snes, path, target->u, &found));
@@ -220,13 +246,13 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   PetscFunctionReturn(0);
 }
 
-/* A new target ahead of the nearest one, at least half the way closer. Not collective */
+/* Adds a target before the nearest one, at most half as far away. Not collective */
 static void LatinPathCloser(LatinPath *path, PetscReal part)
 {
   path->target[path->targets++] = (LatinPathTarget){.part = part};
 }
 
-/* The nearest target is no longer one */
+/* Removes the nearest target */
 static PetscErrorCode LatinPathReached_Private(LatinPath *path)
 {
   LatinPathTarget *target = &path->target[--path->targets];
@@ -237,7 +263,7 @@ static PetscErrorCode LatinPathReached_Private(LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* No further equilibrium follows path->u: what moves on is named. Collective on snes */
+/* Ends the path at a limit point or an unstable state: names the nodes that move on. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -252,7 +278,7 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* Increments of the path from u, as far as they lead. Collective on snes */
+/* Follows the path in increments from path->u, until its end or until none is accepted. Collective on snes */
 static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -279,7 +305,10 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* The path has led nowhere from what links at their kinks alone hold without loads: it starts anew as that of a mechanism, if *starts; else u stays. Collective on snes */
+/*
+   Restarts a path that does not leave an unloaded state held only by links at kinks of their laws: seeks a start under loads, as for a
+   mechanism. If there is none, path->u stays. Collective on snes
+*/
 static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   LatinLarge *large = &((SNES_Latin *)snes->data)->large;
@@ -298,7 +327,7 @@ static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBoo
   PetscFunctionReturn(0);
 }
 
-/* The path, from u; `from`: a stable equilibrium. Collective on snes */
+/* Follows the path with its branches from path->u. from: path->u is a stable equilibrium. Collective on snes */
 static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -318,16 +347,19 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   }
   PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
-  /* the iteration alone, which bars in compression disturb, ends before a limit point as well as at one */
+  /* without Newton's method a path may end before a limit point, since bars in compression disturb the iteration */
   if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathLimit_Private(snes, path));
   PetscFunctionReturn(0);
 }
 
-/* The part of the loads that the displacements bear: those of the path so far, along its last ones. Supports have moved so far or further. Collective on snes */
+/*
+   Computes *reached, the part of the loads that the displacements bear: the loads at the end of the path projected on the whole loads, at
+   most the part of the prescribed displacements. On entry: the part of the path. Collective on snes
+*/
 static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, PetscReal *reached)
 {
   PetscScalar both, whole;
-  PetscReal   moved; /* of what is prescribed */
+  PetscReal   moved; /* part of the prescribed displacements */
 
   PetscFunctionBegin;
   PetscCall(SNESLatinSupportsEnd_Private(snes, *reached, &moved));
@@ -339,7 +371,7 @@ static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, P
   PetscFunctionReturn(0);
 }
 
-/* A solve, from the state z on. Collective on snes */
+/* Solves: along a path of the loads if links bear compression, else at once. Starts from the state z. Collective on snes */
 PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -365,13 +397,14 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   }
   for (PetscInt i = 0; i < 6; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
   LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .more = work[4], .step = work[5], .far = PETSC_MAX_REAL, .failed = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
-  if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR; /* along the path, which Newton's method follows */
+  /* Newton's method follows the path; it needs the error as stop */
+  if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR;
   ierr = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
   if (!ierr) ierr = SNESLatinLargeStop_Private(snes, stop);
   data->stop = stop;
   while (path.targets) PetscCall(LatinPathReached_Private(&path));
-  snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
+  snes->vec_rhs = rhs; /* after an error as well: path->more is a work vector, which the SNES must not destroy */
   if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->reached);
   PetscCall(LatinSupportsReset_Private(large));
   for (PetscInt i = 0; i < 6; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));

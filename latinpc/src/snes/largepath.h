@@ -1,30 +1,52 @@
-/* The path of the loads with large displacements: where it starts (snes/largestart.c), its increments (snes/largepath.c), where it branches (snes/largebranch.c) */
+/*
+   Path of the loads with large displacements: its start (snes/largestart.c), its increments (snes/largepath.c), its branches
+   (snes/largebranch.c). A position on the path is a part of it: 0 at its start, 1 under the whole loads.
+*/
 #ifndef LARGEPATH_H
 #define LARGEPATH_H
 
 #include "snes/sneslatinimpl.h"
 
-#define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
-#define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
-#define LATIN_PATH_TARGETS  16   /* each at most half as far as the one before, and none closer than the least increment */
+#define LATIN_PATH_STIFFENS 1e-3 /* part of the path: in smaller increments a structure may stiffen at once, as where a cable tightens */
+#define LATIN_PATH_LEAST    1e-4 /* part of the path: the least increment. If it fails, the path has met a limit point */
+#define LATIN_PATH_TARGETS  16   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_LEAST */
 
-/* A target: a part of the path, the equilibrium u there that was found, or NULL, and by how much the whole path would move it by the tangent stiffness, l2 norm `far`; `stable`: u is; `other`: u is further than any path leads, on another one; `passed`: too far to be sought */
+/*
+   Target: a part of the path for which an equilibrium is sought.
+
+     part:   position on the path
+     far:    l2 norm of ahead
+     u:      equilibrium found there, or NULL
+     ahead:  displacements by which the whole path would move u, by the tangent stiffness at u
+     stable: the tangent stiffness at u is positive definite
+     other:  u is further away than the path can lead: it is on another path
+     passed: too far away for Newton's method, so that it was not solved for
+*/
 typedef struct {
   PetscReal part, far;
   Vec       u, ahead;
   PetscBool stable, other, passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there; work vectors; targets, the nearest last; an increment has taken the interior-point method; heavier loads may still lead to a start */
+/*
+   Path of the loads from `first` to `whole`.
+
+     u:       last equilibrium on the path
+     ahead:   displacements by which the whole path would move u, by the tangent stiffness at u
+     target:  [targets], the nearest last
+     kinks:   an increment has needed the interior-point method
+     heavier: a descent under heavier loads has not been tried yet
+     more, step: work vectors
+*/
 typedef struct {
   Vec             first, whole, u, ahead, more, step;
-  PetscReal       far;    /* l2 norm of ahead */
-  PetscReal       failed; /* the least increment from u that Newton's method failed at */
+  PetscReal       far;    /* l2 norm of ahead; PETSC_MAX_REAL: the tangent stiffness at u is not positive definite */
+  PetscReal       failed; /* least increment from u at which Newton's method has failed */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
-  PetscBool       unloaded; /* it starts without loads */
-  PetscBool       slackens; /* no increment follows u, which links at their kinks alone hold */
+  PetscBool       unloaded; /* the path starts without loads */
+  PetscBool       slackens; /* u is held only by links at kinks of their laws, and no increment follows */
 } LatinPath;
 
 /* snes/largestart.c */

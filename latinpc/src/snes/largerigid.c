@@ -1,23 +1,31 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Inextensible cables whose nodes move far, |r| <= L: the method of multipliers (snes/multipliers.c) around whole solves. With a penalty p
-   such a cable of strain x = |r| - L bears max(0, lambda + p x): it is a cable of stiffness p whose natural length is L - lambda / p, so that
-   the local stage, the operators and Newton's method are those of cables. What it then bears is its next lambda; operators stay, and the next solve
-   starts from the displacements of this one. At the solution lambda is its tension and |r| its length, whatever p.
+   Inextensible cables, |r| <= L, with large displacements: the method of multipliers (snes/multipliers.c) around whole solves. With a penalty p such a
+   cable of strain x = |r| - L bears max(0, lambda + p x): it is a cable of stiffness p and natural length L - lambda / p. So local stage, operators and
+   Newton's method are those of cables.
+
+   1. Start: near the solution by the interior-point method if the problem is convex, else from the drawing.
+   2. After a solve lambda becomes the tension of the cable. The next solve starts from the displacements of this one with the same operators. If
+      tensions change too slowly, the penalty grows.
+   3. End: displacements and tensions change by less than the requested error. Then lambda is the tension and |r| the length, whatever p.
 */
 
-#define LATIN_LARGE_PENALTY_GROWS 10.0                       /* the penalty grows by so much */
-#define LATIN_LARGE_PENALTY_SLOW  4.0                        /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
-#define LATIN_LARGE_PENALTY_MOST  1e2                        /* times the first penalty: more, and rounding of the penalty hides soft links */
-#define LATIN_LARGE_PENALTY_TIMES 40                         /* most solves */
-#define LATIN_LARGE_PENALTY_LEFT  LatinByPrecision(1e2, 2.0) /* times the last change of tensions: what it may leave; changes that fall more slowly are rounding, by which, without this, nets next to jams are refused (tests/test_large_laws.py) */
-#define LATIN_LARGE_PENALTY_NEAR  1e3                        /* times the mean tension over length: the penalty from near the solution on */
+#define LATIN_LARGE_PENALTY_GROWS 10.0 /* factor by which the penalty grows */
+#define LATIN_LARGE_PENALTY_SLOW  4.0  /* it grows unless the change of tensions falls by this factor; 2: a chain takes four times the stages, 10: nets fail */
+#define LATIN_LARGE_PENALTY_MOST  1e2  /* largest penalty relative to the first; with more, its rounding hides soft links */
+#define LATIN_LARGE_PENALTY_TIMES 40   /* most solves */
+/*
+   largest estimated error of the tensions relative to their last change; slower convergence is rounding. Without a limit, nets next to jams are refused
+   (tests/test_large_laws.py)
+*/
+#define LATIN_LARGE_PENALTY_LEFT LatinByPrecision(1e2, 2.0)
+#define LATIN_LARGE_PENALTY_NEAR 1e3 /* penalty near the solution, relative to the mean tension over length */
 
 /*
-   The tensions at the solution vector become the multipliers. *done: the displacements, since `before`, have changed by no more than
-   the error asked for, and the tensions miss no more: their change, what is left if they go on changing as since the last one, and before
-   there was one `first`. Collective on snes
+   Makes the tensions at the solution vector the multipliers. *done: displacements since `before`, and tensions, have less than the requested error.
+   That is their last change or, if larger, the sum of the next changes if these fall as the last two; after the first solve at least `first`.
+   Overwrites before by the displacements. *change: relative change of the tensions. Collective on snes
 */
 static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal first, PetscReal *change, PetscBool *done)
 {
@@ -44,7 +52,7 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal f
   *change = PetscSqrtReal(LatinRatio(sum[0], sum[1]));
   error   = PetscMin(LATIN_LARGE_PENALTY_LEFT * *change, *change < last ? PetscSqr(*change) / (last - *change) : PETSC_MAX_REAL);
   error   = PetscMax(PetscMax(*change, error), last < PETSC_MAX_REAL ? 0.0 : first);
-  moved *= *change > 0.0 ? error / *change : 1.0; /* displacements follow */
+  moved *= *change > 0.0 ? error / *change : 1.0; /* displacements have the same relative rate */
   *done = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * data->large.size) && error <= target);
   if (SNESLatinEstimates(data)) {
     data->estimate.value    = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
@@ -54,7 +62,7 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal f
   PetscFunctionReturn(0);
 }
 
-/* A solve from displacements near its solution: Newton's method, or the iteration. Collective on snes */
+/* Solves from displacements near the solution, by Newton's method, else by the iteration. Collective on snes */
 static PetscErrorCode LatinTautFrom_Private(SNES snes, Vec u)
 {
   PetscFunctionBegin;
@@ -64,7 +72,7 @@ static PetscErrorCode LatinTautFrom_Private(SNES snes, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* The next solve, with larger penalties if tensions change slowly. Collective on snes */
+/* Solves again, with larger penalties if `grows`. Collective on snes */
 static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
 {
   LatinLarge *large = &((SNES_Latin *)snes->data)->large;
@@ -81,7 +89,7 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
   PetscFunctionReturn(0);
 }
 
-/* Is the problem convex, as no link that turns bears compression, and does this solve start afresh? Collective on snes */
+/* Returns in *convex whether the problem is convex, as no link that turns bears compression, and this solve starts afresh. Collective on snes */
 static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
 {
   const SNES_Latin *data   = (SNES_Latin *)snes->data;
@@ -93,7 +101,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   PetscFunctionReturn(0);
 }
 
-/* Near the solution, tensions become multipliers, and a multiple of their mean over length the penalty. Collective on snes */
+/* Sets multipliers to these tensions near the solution, and the penalty to a multiple of their mean over length. Collective on snes */
 static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[])
 {
   const LatinLarge    *large = &((SNES_Latin *)snes->data)->large;
@@ -107,7 +115,7 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
 
     for (PetscInt c = 0; c < dim; c++) length += PetscSqr(structure->span[dim * l + c]);
     sum[0] += PetscAbsReal(tension[l]);
-    sum[1] += LatinStructureKeeps(structure, l) ? large->size : PetscSqrtReal(length) - structure->e0[l]; /* a contact has a gap, and no length */
+    sum[1] += LatinStructureKeeps(structure, l) ? large->size : PetscSqrtReal(length) - structure->e0[l]; /* a contact has a gap, no length */
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -118,7 +126,7 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
   PetscFunctionReturn(0);
 }
 
-/* The first solve: from what an interior-point method finds, whose tensions have the error *first, or from the drawn configuration. Collective on snes */
+/* Solves for the first time: from the state of the interior-point method, whose tensions have the error *first, or from the drawing. Collective on snes */
 static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *first)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -150,7 +158,7 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *f
   PetscFunctionReturn(0);
 }
 
-/* A solve, from the state z on. Collective on snes */
+/* Solves from the state z, with the method of multipliers if there are inextensible cables. Collective on snes */
 PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -170,10 +178,11 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
     PetscBool grows;
 
     last = change;
-    PetscCall(SNESLatinResidual_Private(snes)); /* the displacements of the iteration */
+    PetscCall(SNESLatinResidual_Private(snes)); /* displacements, if the iteration has ended */
     PetscCall(LatinTautUpdate_Private(snes, before, first, &change, &done));
     if (done) break;
-    if (k == LATIN_LARGE_PENALTY_TIMES) data->next = SNESLatinLargeProves(data) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_MAX_IT; /* tensions of accurate solves grow without end: no displacement meets the lengths */
+    /* tensions that grow without bound: no displacement satisfies the lengths */
+    if (k == LATIN_LARGE_PENALTY_TIMES) data->next = SNESLatinLargeProves(data) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_MAX_IT;
     if (k == LATIN_LARGE_PENALTY_TIMES) break;
     grows = (PetscBool)(k && change > last / LATIN_LARGE_PENALTY_SLOW && grown < LATIN_LARGE_PENALTY_MOST);
     if (grows) grown *= LATIN_LARGE_PENALTY_GROWS;

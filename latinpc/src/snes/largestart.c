@@ -1,12 +1,23 @@
 #include "snes/largepath.h"
 
-/* Where the path of the loads starts: at what is drawn, at what a warm start or a guess gives, or down the energy from what is drawn */
+/*
+   Start of the path of the loads, a stable equilibrium. The first of these that exists:
 
-#define LATIN_PATH_PART        0.1 /* of the loads: a path starts under that part where none is found under all, and under a tenth of it */
-#define LATIN_PATH_RESIDUAL    0.1 /* of forces on all nodes: the displacements that a linear solve finds leave more where a mechanism bears them, which its norm need not see, */
-#define LATIN_PATH_REFINEMENTS 3   /* and solves for what is left, steps of iterative refinement, show that it does not */
+   1. The last solution of a warm start, or the initial guess, under the loads that it bears.
+   2. Without loads: the drawing, or where its tensions move it.
+   3. Without loads: down the energy from the drawing.
+   4. Under all loads, a tenth or a hundredth of them: down the energy, as for a mechanism that the loads alone hold.
+*/
 
-/* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
+#define LATIN_PATH_PART 0.1 /* factor on the loads from one try to the next, if no start is found under the larger ones */
+/*
+   largest residual, relative to the forces, of the solve that tests stability; more is left if a mechanism bears a part of the forces, which the norm of
+   the linear solver may not see
+*/
+#define LATIN_PATH_RESIDUAL    0.1
+#define LATIN_PATH_REFINEMENTS 3 /* solves of this test: the first and steps of iterative refinement */
+
+/* Sets right-hand side and supports to this part of the path. Collective on snes */
 PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -19,7 +30,10 @@ PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal
   PetscFunctionReturn(0);
 }
 
-/* The displacements by which the whole path would move u, where supports are, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
+/*
+   Computes the rate at u: the displacements by which the whole path would move u, by the tangent stiffness there. *far: their l2 norm; PETSC_MAX_REAL
+   if that is not positive definite. Supports stay. Overwrites path->step. Collective on snes
+*/
 PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Vec rate, PetscReal *far)
 {
   PetscFunctionBegin;
@@ -29,7 +43,10 @@ PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Ve
   PetscFunctionReturn(0);
 }
 
-/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself; nodes that only slack links hold rest anywhere, unless there are no others. Overwrites path->step. Collective on snes */
+/*
+   Whether the equilibrium u is stable: the tangent stiffness is positive definite, tested by forces on all nodes, since symmetric loads on a symmetric
+   structure do not show it. Nodes that only slack links hold do not count, unless there are no others. Overwrites path->step. Collective on snes
+*/
 PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
@@ -61,7 +78,10 @@ PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, 
   PetscFunctionReturn(0);
 }
 
-/* Is path->u a stable equilibrium that a path may start from? Not if the least increment moves it by more than its size: rounding alone holds it. Collective on snes */
+/*
+   Whether a path may start from path->u: it is stable, and the least increment moves it by no more than its size; else rounding alone holds it.
+   Overwrites path->ahead and path->step. Collective on snes
+*/
 static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, PetscBool *held)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -69,7 +89,8 @@ static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, Pe
 
   PetscFunctionBegin;
   PetscCall(VecCopy(path->u, snes->vec_sol));
-  if (data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT)); /* the path begins with these; those made elsewhere may hide soft modes */
+  /* the path begins with these operators; others may hide soft modes */
+  if (data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(LatinPathStable_Private(snes, path, path->u, held));
   if (!*held) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
@@ -77,7 +98,7 @@ static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, Pe
   PetscFunctionReturn(0);
 }
 
-/* The loads that the displacements path->u bear are the first ones of the path. Collective on structure */
+/* Sets the first loads of the path to those that the displacements path->u bear. Collective on structure */
 static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const LatinPath *path)
 {
   PetscFunctionBegin;
@@ -86,7 +107,7 @@ static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const Lat
   PetscFunctionReturn(0);
 }
 
-/* Down the energy from path->u, for this part of the loads, to a stable equilibrium there, if *starts. Collective on snes */
+/* Descends from path->u under this part of the loads. *starts: a stable equilibrium was found, in path->u; else path->u is zero. Collective on snes */
 static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, PetscReal part, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -105,7 +126,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Down the energy under all loads or a part of them, with supports as given, to a stable equilibrium, as of a mechanism that the loads alone hold; else path->u is zero. Collective on snes */
+/* Seeks a start under loads (4. of the file), with supports as given. *starts: found, in path->u; else path->u is zero. Collective on snes */
 PetscErrorCode LatinPathLoaded_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   PetscFunctionBegin;
@@ -116,10 +137,7 @@ PetscErrorCode LatinPathLoaded_Private(SNES snes, LatinPath *path, PetscBool *st
   PetscFunctionReturn(0);
 }
 
-/*
-   Finds a stable equilibrium u from which a path may start: without loads the drawn configuration, or where its tensions move it, or down the energy from
-   there; else under loads. Collective on snes
-*/
+/* Seeks a start (2. to 4. of the file) from path->u. *starts: found, in path->u. Collective on snes */
 static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -142,7 +160,10 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
   PetscFunctionReturn(0);
 }
 
-/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Supports are where they were at the last solution, at another guess as given. Collective on snes */
+/*
+   Finds the start of the path. *from: found, in path->u. Supports are where they were at the last solution, at another guess as given, else not
+   displaced. Collective on snes
+*/
 PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;

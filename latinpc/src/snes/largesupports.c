@@ -1,12 +1,12 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Supports that move along a path of large displacements: what is prescribed grows with the loads, from where the path starts, without displacements or at
-   those of the last solve, to what is given. An equilibrium on the path is one with its supports: they are to be where its part of the path has them.
-   Where the supports do not move nothing is done.
+   Moving supports along a path of large displacements: prescribed displacements grow with the loads, from those at the start of the path (none, or
+   those of the last solve) to those given. Whatever is computed at an equilibrium needs the supports at its part of the path. If no support moves, all
+   of this does nothing.
 */
 
-/* The supports at this part of the path. Not collective */
+/* Moves the supports to this part of the path. Not collective */
 static void LatinSupportsMove(LatinStructure structure, LatinSupports *supports, PetscReal part)
 {
   const PetscInt dim = structure->dim;
@@ -17,7 +17,7 @@ static void LatinSupportsMove(LatinStructure structure, LatinSupports *supports,
   supports->part = part;
 }
 
-/* The supports at this part of the path, for the iteration as well. Collective on snes */
+/* Moves the supports to this part of the path, in the iteration as well. Collective on snes */
 PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -31,7 +31,7 @@ PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
   PetscFunctionReturn(0);
 }
 
-/* A path starts where supports have been moved by `first`, [nodes_local][dim], NULL: by nothing. Collective on snes */
+/* Starts a path with supports displaced by `first`, [nodes_local][dim]; NULL: not displaced. Collective on snes */
 PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
 {
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
@@ -57,7 +57,7 @@ PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
   PetscFunctionReturn(0);
 }
 
-/* Adds to the loads what the whole way of the supports does, by the tangent stiffness at u. Collective on snes */
+/* Adds to the loads the forces of the whole motion of the supports, by the tangent stiffness at u. Collective on snes */
 PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
 {
   LatinLarge *large = &((SNES_Latin *)snes->data)->large;
@@ -73,8 +73,9 @@ PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
 }
 
 /*
-   Where Newton's method starts from the equilibrium u, so much of the path further: there supports that move at once would stretch what is next to them.
-   The displacements by the tangent stiffness, `rate` for the whole path, and the strains that these make as links stand at u, with their tensions. Collective on snes
+   Predicts the displacements `ahead` from the equilibrium u, `more` of the path further, and initial strains and tensions for Newton's method
+   (large->start): supports that move alone would overstretch the links next to them. rate: displacements of the whole path by the tangent stiffness at
+   u. Collective on snes
 */
 PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscReal more, Vec ahead)
 {
@@ -86,14 +87,17 @@ PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscR
   PetscFunctionBegin;
   PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
   PetscCall(PetscFree(large->start));
-  PetscCall(PetscMalloc1(2 * n + 1, &large->start)); /* never NULL then */
+  PetscCall(PetscMalloc1(2 * n + 1, &large->start)); /* not NULL without links either */
   PetscCall(LatinTurningAhead_Private(structure, u, large->supports.vertex_moved, rate, more, large->start, large->start + n));
   PetscCall(VecWAXPY(ahead, more, rate, u));
   PetscCall(SNESLatinSupportsAt_Private(snes, part));
   PetscFunctionReturn(0);
 }
 
-/* The path has ended at this part: supports are where they are given again, and the equilibrium there has *borne of that, without bound where they have not moved. Collective on snes */
+/*
+   Ends the path at this part and moves the supports back to where they are given. *borne: part of these displacements at the end of the path;
+   PETSC_MAX_REAL if supports do not move. Collective on snes
+*/
 PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscReal *borne)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
@@ -112,12 +116,12 @@ PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscR
     sum[1] += PetscSqr(large->supports.given[i]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  *borne = sum[1] > 0.0 ? sum[0] / sum[1] : reached; /* of nothing: of the way back */
+  *borne = sum[1] > 0.0 ? sum[0] / sum[1] : reached; /* none are given: part of the way back to zero */
   PetscCall(SNESLatinSupportsAt_Private(snes, 1.0));
   PetscFunctionReturn(0);
 }
 
-/* After a path, or an error on it: nothing is left of the supports' way. Not collective */
+/* Resets the supports after a path or an error. Not collective */
 PetscErrorCode LatinSupportsReset_Private(LatinLarge *large)
 {
   PetscFunctionBegin;
