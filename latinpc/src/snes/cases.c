@@ -3,10 +3,10 @@
 
 /* Many load cases at once (cases/cases.c), to the accuracy of SNESSolve() */
 
-#define LATIN_CASE_TIGHT  LatinByPrecision(1e-9, 1e-4) /* largest unbalance of a case of a small structure, relative to the loads: next to collapse it shows a soft mode */
-#define LATIN_CASE_STAGES 100                          /* most solves of a case: Newton's method with a preconditioner of the tangent stiffness then takes fewer */
+#define LATIN_CASE_TIGHT  LatinByPrecision(1e-9, 1e-4) /* largest unbalance of a case of a small structure, relative to the loads: shows soft modes */
+#define LATIN_CASE_STAGES 100                          /* most solves of a case; Newton's method with the tangent stiffness then takes fewer */
 
-/* Do structure and options allow cases side by side? Options of the iteration, such as monitors, do not */
+/* Returns in *suit whether structure and options allow cases side by side. Options of the iteration, such as monitors, do not */
 static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure structure, PetscBool *suit)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -77,7 +77,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   PetscCall(LatinStructureSize_Private(structure, &size, NULL));
   goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .unbalance = SNESLatinUnbalance(data), .far = size, .most = PetscMin(SNESLatinStageLimit(snes), LATIN_CASE_STAGES)};
   PetscCall(LatinNewtonOwn_Private(structure, &small));
-  if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* other cases are left to Newton's method, whose tangent stiffness shows the soft mode */
+  if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* cases above this go to Newton's method, whose tangent stiffness shows soft modes */
   for (PetscInt i = 0; i < n; i++) PetscCheck(displacement[i] && tension[i], PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_NULL, "Load case %" PetscInt_FMT " has no room for its results: its displacement or its tension is NULL", i);
   PetscCall(PetscMalloc1(n, &one));
   for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load ? load[i] : NULL, .prescribed = prescribed ? prescribed[i] : NULL, .e0 = e0 ? e0[i] : NULL, .displacement = displacement[i], .tension = tension[i]};

@@ -1,17 +1,18 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Initial guess of Newton's method where contacts open and cables slacken in chains: one that opens closes others, and Newton's method changes half of them in each
-   step. The energy is convex, and the interior-point method of error/primaldual.c takes 15 to 60 steps for 1,000 to 80,000 contacts. At its end the taut
-   and closed links are known: one or two steps of Newton's method follow, which prove the errors.
+   Initial guess of Newton's method if contacts open and cables slacken in chains: one that opens closes others, and Newton's method changes half of
+   them in each step. The energy is convex, and the interior-point method of error/primaldual.c takes 15 to 60 steps for 1,000 to 80,000 contacts. At
+   its end the taut and closed links are known: one or two Newton steps follow, which prove the errors.
 
-   In statics the search for a collapse comes first: it shows that the loads are borne, else this would not end. In time steps masses bear them.
+   In statics the search for a collapse runs before: this method would not end if the structure did not bear the loads. In time steps masses bear
+   them.
 */
 
 #define LATIN_CONVEX_STEPS          100                          /* most steps */
 #define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-5, 1e-3) /* compliance of rigid links, relative to that of their search parameters */
 
-/* Weights W of the initial point, and compliances; *firm: the greatest search parameter of a rigid link, 0: none. Collective */
+/* Computes the weights W of the initial point, and compliances. *firm: greatest search parameter of a rigid link, 0: none. Collective */
 PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal *firm)
 {
   PetscReal most = 0.0;
@@ -29,7 +30,7 @@ PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal st
   PetscFunctionReturn(0);
 }
 
-/* Initial point: all links are bars of weights W; bounds and elongations of either sign are drawn to the mean size of their kind. Collective */
+/* Computes the initial point: all links are bars of weights W; tensions and elongations at bounds get at least their mean size. Collective */
 PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscBool *failed)
 {
   PetscReal sum[2] = {0.0, 0.0}; /* squares of tensions and elongations of unilateral links */
@@ -69,7 +70,7 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscBool *failed)
   PetscFunctionReturn(0);
 }
 
-/* *left: how far the point is from the solution, by the products s y and the unbalance. Collective */
+/* Computes *left, the distance from the solution: the larger of the products s y, relative to the work, and the relative unbalance. Collective */
 static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step, PetscReal *left)
 {
   PetscReal   sum = 0.0, work;
@@ -86,8 +87,8 @@ static PetscErrorCode LatinConvexLeft_Private(LatinPrimalDual *c, PetscInt step,
 }
 
 /*
-   u becomes the solution to rounding, and newton->multiplier the tensions of rigid links; both are unchanged if it fails. `more`: an additional load, or NULL.
-   Its steps and linear stages count as Newton's. Not for laws of the user or tables, nor friction. Collective on newton->snes
+   Solves to rounding: sets u to the displacements and newton->multiplier to the tensions of rigid links; if it fails, both are unchanged. more: an
+   additional load, or NULL. Its steps and linear stages count as Newton's. Not for tables, laws of the user or friction. Collective on newton->snes
 */
 PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
 {
@@ -104,7 +105,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     PetscCall(KSPSetTolerances(c.ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
     PetscCall(LatinConvexWeights_Private(&c, newton->latin->sub.link_stiffness, &firm));
     c.floor = newton->floor;
-    most    = firm / LATIN_CONVEX_REGULARISATION; /* the greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
+    most    = firm / LATIN_CONVEX_REGULARISATION; /* greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
     PetscCall(LatinConvexStart_Private(&c, &failed));
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &failed));
@@ -115,7 +116,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
       } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, &left));
     }
     newton->stages += c.stages;
-    newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
+    newton->changes = 1; /* the tangent stiffness has been overwritten */
   }
   if (left <= LATIN_CONVEX_GAP) PetscCall(VecCopy(c.d, u));
   for (PetscInt l = 0; l < c.n && left <= LATIN_CONVEX_GAP && structure->penalty; l++)

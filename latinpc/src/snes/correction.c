@@ -1,20 +1,20 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   A posteriori error of displacements and tensions: the length of one step of preconditioned steepest descent with the tangent stiffness
-   K, (w.r / w.K w) w, where r is the residual and w the preconditioned residual. The residual alone hides a soft mode, whose
-   stiffness the preconditioner overestimates: it has all links taut. But after a linear solve has removed the other modes, r is mostly
-   this mode, and so is w. Next to collapse the taut links are nearly a mechanism: w.K w is nearly zero and the step large.
+   A posteriori error of displacements and tensions: the length of one step of preconditioned steepest descent with the tangent stiffness K, (w.r /
+   w.K w) w, with the residual r and the preconditioned residual w. The residual alone hides soft modes, whose stiffness the preconditioner, with all
+   links taut, overestimates. But after a linear solve has removed the other modes, r and w are mostly the soft one. Next to collapse the taut links
+   are nearly a mechanism: w.K w is nearly zero and the step long.
 */
 
-#define LATIN_CORRECTION_SAFETY 3.0 /* safety factor: one correction shows 0.3 to 1 times the true error of the tensions on scenes of all kinds */
+#define LATIN_CORRECTION_SAFETY 3.0 /* safety factor; one correction shows 0.3 to 1 times the true error of the tensions in all kinds of scenes */
 
 /* Sums over links and springs to the ground */
 typedef struct {
-  PetscReal work, tension, all, energy; /* w.K w; squares of the tensions of w, of all tensions; sum of k e^2 */
+  PetscReal work, tension, all, energy; /* w.K w; squared tensions of w; squared tensions; sum of k e^2 */
 } LatinCorrectionSums;
 
-/* Collective on structure */
+/* Computes the sums at u for the correction w. Collective on structure */
 static PetscErrorCode LatinCorrectionSums_Private(LatinStructure structure, Vec u, Vec w, LatinCorrectionSums *sum)
 {
   PetscReal *x, *d, held;
@@ -41,7 +41,10 @@ static PetscErrorCode LatinCorrectionSums_Private(LatinStructure structure, Vec 
   PetscFunctionReturn(0);
 }
 
-/* The correction of displacements relative to u, in the norm of the stop, and of tensions relative to all tensions; r: residual at u. Collective on newton->snes */
+/*
+   Estimates by a correction the errors of displacements, relative to u in the norm of the stop, and of tensions, relative to all tensions. r:
+   residual at u. Collective on newton->snes
+*/
 PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *newton, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
 {
   LatinCorrectionSums sum;

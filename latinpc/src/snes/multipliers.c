@@ -10,14 +10,14 @@
 */
 
 #define LATIN_PENALTY          1e3  /* initial penalty, relative to the search parameter of the link */
-#define LATIN_PENALTY_GROWS    10.0 /* growth of the penalty if the change of the tensions has not become ten times smaller */
-#define LATIN_PENALTY_MOST     1e9  /* largest penalty, relative to the search parameter: with more, rounding hides the tensions of soft links */
+#define LATIN_PENALTY_GROWS    10.0 /* growth of the penalty, if the change of the tensions has not fallen to a tenth */
+#define LATIN_PENALTY_MOST     1e9  /* largest penalty, relative to the search parameter; with more, rounding hides the tensions of soft links */
 #define LATIN_MULTIPLIER_TIMES 30   /* most updates of the multipliers */
 
 #define LATIN_FLOOR_GROWS 1e3 /* growth of the tangent stiffness of slack links (newton->floor) after a singular linear solve */
 #define LATIN_FLOOR_TIMES 3   /* most such growths */
 
-/* Replaces rigid links by springs; the multipliers are the tensions of the iteration */
+/* Replaces rigid links by springs; the tensions of the iteration become the multipliers. Not collective */
 PetscErrorCode LatinMultipliersStart_Private(LatinNewton *newton)
 {
   LatinStructure structure = newton->structure;
@@ -37,7 +37,10 @@ PetscErrorCode LatinMultipliersStart_Private(LatinNewton *newton)
   PetscFunctionReturn(0);
 }
 
-/* Is a change of the displacements in a time step rounding: its inertia forces are less than that of the tensions, whose l2 norm is given? Masses at rest have no other displacements. Collective on structure */
+/*
+   Returns in *rests whether a change of the displacements in a time step is rounding: its inertia forces are below the rounding of the tensions, of
+   this l2 norm. Masses at rest have no other measure. Collective on structure
+*/
 PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, PetscReal tensions, PetscBool *rests)
 {
   PetscReal inertia;
@@ -55,8 +58,8 @@ PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, Petsc
 }
 
 /*
-   Makes many updates at once, where each changes the tensions by the same and no displacement: up to the first tension that becomes zero.
-   newton->tension: the last change. Collective on newton->structure
+   Makes many updates at once, if each changes the tensions by the same amount and no displacement: up to the first tension that becomes zero.
+   newton->tension: change by the last update. Collective on newton->structure
 */
 static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
 {
@@ -81,15 +84,17 @@ static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
 }
 
 /*
-   Multiplier update: the tensions of the springs at u. An update reduces the gap error by the factor K / (K + r), with K the stiffness
-   of the structure around the links. *done: the changes of displacements (since `before`) and tensions (relative to all tensions or to the loads)
-   are below the error asked for, and their extrapolation at the measured contraction rate as well. With incompatible gaps K is infinite:
-   newton->found reports jammed links. grown: penalty relative to the search parameter. Collective on structure
+   Multiplier update: sets the multipliers to the tensions of the springs at u. An update reduces the gap errors by the factor K / (K + r), with K the
+   stiffness of the structure around the links.
+
+   *done: the changes of displacements (since `before`) and of tensions (relative to all tensions or to the loads) are below the requested errors, and
+   so are their extrapolations at the measured rate. With incompatible gaps K is infinite: newton->found reports jammed links. grown: penalty relative
+   to the search parameter. Overwrites before by u. Collective on structure
 */
 static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
-  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares: changes of tensions, tensions, gap errors, gap terms that are rounded */
+  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares: changes of tensions, tensions, gap errors, rounded terms of gaps */
   PetscBool            misses, stays, rests;
 
   PetscFunctionBegin;
@@ -116,8 +121,9 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
   stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
   newton->gap = sum[2];
-  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                      /* too early: slowly converging tensions do not show yet */
-  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* relative to loads small tensions may be rounding */
+  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0; /* too early to see tensions that converge slowly */
+  /* relative to the loads as well: small tensions may be rounding */
+  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;
   *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
   newton->tensions = *change;
   if (stays && !*done) PetscCall(LatinMultipliersLeap_Private(newton));
@@ -127,7 +133,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscFunctionReturn(0);
 }
 
-/* Newton's method with fixed multipliers. Collective on snes */
+/* Runs Newton's method with fixed multipliers. Collective on snes */
 static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscInt steps, stages;
@@ -143,7 +149,7 @@ static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *ne
   PetscFunctionReturn(0);
 }
 
-/* Loop over multiplier updates: Newton's method, new multipliers, new penalty. Collective on snes */
+/* Solves by multiplier updates: Newton's method, new multipliers, new penalty. Collective on snes */
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscBool done  = PETSC_FALSE;
@@ -157,7 +163,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   PetscCall(VecCopy(u, before));
   for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && !done; k++) {
     PetscCall(LatinMultipliersProblem_Private(snes, newton, u, reason));
-    if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links are a mechanism to rounding: tangent stiffness singular */
+    if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* singular: the taut links are a mechanism to rounding */
       newton->floor *= LATIN_FLOOR_GROWS;
       PetscCall(VecCopy(before, u));
       continue;
@@ -171,7 +177,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     }
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
-    if (moved <= LATIN_NEWTON_REST) { /* only rounding of the displacements changes the tensions */
+    if (moved <= LATIN_NEWTON_REST) { /* rounding of the displacements alone changes the tensions */
       factor = 1.0 / LATIN_PENALTY_GROWS;
       most   = grown * factor;
     } else if (grown * factor > most) continue;
@@ -183,7 +189,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   PetscFunctionReturn(0);
 }
 
-/* Makes links rigid again; if `solved`, their tensions are the multipliers */
+/* Makes links rigid again. solved: their tensions become the multipliers. Not collective */
 PetscErrorCode LatinMultipliersEnd_Private(LatinNewton *newton, PetscBool solved)
 {
   LatinStructure structure = newton->structure;

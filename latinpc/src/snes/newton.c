@@ -1,31 +1,35 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method after the iteration of SNES latin. Linear solves: conjugate gradients with PC latin on the tangent stiffness.
-   Its convergence tests are in snes/newtontests.c.
+   Newton's method after the iteration of SNES latin. Linear solves: conjugate gradients with PC latin on the tangent stiffness. Its convergence tests
+   are in snes/newtontests.c.
 
-   Finish: proves an error, or continues if rounding ends the iteration too early. The active set (the taut links) is nearly that
-   of the solution, and for a fixed active set a Newton step is exact: its length is the error before the step, and the relative
-   residual of the linear solve times that is the error after it. The preconditioner reuses the operators of SNES latin, with all
-   links taut. These overestimate the stiffness of soft modes of the taut links, next to collapse for example. So a small
-   structure has a preconditioner of the tangent stiffness here as well: it takes milliseconds.
+   Finish: proves an error, or continues if rounding ends the iteration too early. The active set (the taut links) is nearly that of the solution. For
+   a fixed active set a Newton step is exact: its length is the error before the step, and that times the relative residual of the linear solve is the
+   error after it. The preconditioner reuses the operators of SNES latin, with all links taut. These overestimate the stiffness of soft modes of the
+   taut links, next to collapse for example. So small structures get a preconditioner of the tangent stiffness here as well, which takes milliseconds.
 
-   Stall: a linear stage treats every link as a spring of its ascent direction l = k. If a slack link is much stiffer than the
-   structure around it, or if only soft slack links hold the structure, displacements hardly move from one stage to the next:
-   the number of stages is about the ratio of the stiffnesses. Here the preconditioner is built from the tangent stiffness, which
-   excludes slack links, and is rebuilt when the active set has changed.
+   Stall: a linear stage treats every link as a spring of its ascent direction l = k. If a slack link is much stiffer than the structure around it, or
+   if only soft slack links hold the structure, displacements hardly move from one stage to the next: the number of stages is about the ratio of the
+   stiffnesses. Here the preconditioner is built from the tangent stiffness, which excludes slack links, and is rebuilt when the active set has
+   changed.
 
-   The energy is convex, so that a line search makes the method converge from any start. Linear solves are inexact: they stop at
-   the requested error; while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
+   The energy is convex, so that a line search makes the method converge from any start. Linear solves are inexact: they end at the requested error;
+   while the active set changes, at two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES   300                          /* most linear stages predicted: with more, the iteration stalls */
+#define LATIN_NEWTON_STAGES   300                          /* the iteration stalls if more linear stages than this are predicted */
 #define LATIN_NEWTON_WINDOW   20                           /* linear stages over which the contraction rate is measured */
-#define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses beyond which a small change of the displacements proves no convergence */
-#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* tangent stiffness of a slack link, relative to the least stiffness: avoids a singular tangent stiffness */
-#define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_OWN      3000                         /* most unknowns for which it finishes with a preconditioner of the tangent stiffness: without, six in 3,000 structures next to collapse were wrong, and one in 3,000 with rigid links */
-#define LATIN_NEWTON_GRAINS   40000                        /* most links of grains with friction for which the interior-point method follows: with more it seldom ends, and 200 of its steps take as long as the iteration */
+#define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses above which a small change of the displacements does not prove convergence */
+#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* tangent stiffness of slack links, relative to the least stiffness: keeps it regular */
+#define LATIN_NEWTON_STEPS    200                          /* most steps; half as many: a case of the catalogue is refused */
+/*
+   most unknowns for a preconditioner of the tangent stiffness at the finish. Without it 6 in 3,000 structures next to collapse were wrong, and 1 in
+   3,000 with rigid links
+*/
+#define LATIN_NEWTON_OWN 3000
+/* most links of grains with friction for the interior-point method; with more it seldom ends, and 200 of its steps take as long as the iteration */
+#define LATIN_NEWTON_GRAINS 40000
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -53,8 +57,8 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
 }
 
 /*
-   Does the iteration stall? It does if the contraction rate of the last two windows predicts more than newton->most linear stages.
-   Call once a stage with the measure of the stop and its target.
+   Returns whether the iteration stalls: the contraction rate of the last two windows predicts more than newton->most linear stages. To be called once
+   per stage with the measure of the stop and its target
 */
 PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal target)
 {
@@ -85,7 +89,10 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set cycles. Not full steps with laws of the user: they go far where links yield, and their rounding stays; nor from the end of the interior-point method. */
+/*
+   Line search: LATIN_NEWTON_FULL full steps, then the minimum of the energy along each step, since the active set may cycle. The minimum from the
+   first step on with laws of the user, where full steps go far and leave rounding errors, and from the end of the interior-point method
+*/
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -113,8 +120,8 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
 }
 
 /*
-   Does Newton's method finish with a preconditioner of the tangent stiffness? Motions do not need it, since masses make all modes stiff;
-   except with both rigid and elastic links, where nothing else detects slowly converging tensions. Collective on structure
+   Returns in *own whether Newton's method finishes with a preconditioner of the tangent stiffness. Not in motions, whose masses make all modes stiff,
+   unless there are both rigid and elastic links: nothing else detects slowly converging tensions. Collective on structure
 */
 PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
 {
@@ -130,7 +137,10 @@ PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
   PetscFunctionReturn(0);
 }
 
-/* An inner SNES, prefix -snes_latin_newton_: Newton's method with PC latin, natural norm of CG. Its options are not read yet. Collective on snes */
+/*
+   Creates an inner SNES, prefix -snes_latin_newton_: Newton's method with PC latin, and the natural norm in CG. Does not read its options. apply,
+   ctx: its line search. Collective on snes
+*/
 PetscErrorCode SNESLatinInner_Private(SNES snes, PetscErrorCode (*apply)(SNESLineSearch, void *), void *ctx, KSPType type, SNES *newinner)
 {
   SNESLineSearch search;
@@ -178,7 +188,7 @@ PetscErrorCode SNESLatinInnerOptions_Private(SNES inner, PetscBool *cg)
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES, prefix -snes_latin_newton_; `tangent`: preconditioner of the tangent stiffness. Collective on snes */
+/* Creates the inner SNES, prefix -snes_latin_newton_, unless there is one. tangent: preconditioner from the tangent stiffness. Collective on snes */
 PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tangent, LatinNewton *newton)
 {
   SNES      inner;
@@ -214,7 +224,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscFunctionReturn(0);
 }
 
-/* Solves from the initial guess u, known to the relative error `known` (0: not known). u is undefined if the reason is negative. Collective on snes */
+/* Solves from the initial guess u. known: its relative error, 0: not known. u is undefined if the reason is negative. Collective on snes */
 PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
 {
   const PetscBool own_laws = newton->own_laws;
@@ -224,7 +234,8 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
-  newton->floor             = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_FLOOR_GREATEST * most) : 0.0; /* 0 without a stall: no mechanism is near, and a step is exact */
+  /* 0 without a stall: no mechanism is near, and steps are exact */
+  newton->floor             = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_FLOOR_GREATEST * most) : 0.0;
   newton->linear            = (PetscBool)!newton->latin->sub.nonsmooth_global;
   newton->error             = newton->latin->linear.indicator;
   newton->known             = known;
@@ -242,7 +253,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   }
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED &&
-      newton->found.verdict != LATIN_JAMMED) { /* rigid links close one by one along searched steps, many at once along full ones: else two of 964 loads that tables bear are refused */
+      newton->found.verdict != LATIN_JAMMED) { /* again with full steps: searches, which close rigid links one by one, lose 2 of 964 loads that tables bear */
     PetscCall(VecCopy(start, u));
     PetscCall(LatinMultipliersStart_Private(newton));
     newton->own_laws = PETSC_FALSE;

@@ -1,10 +1,10 @@
 #include "snes/sneslatinimpl.h"
 
-/* Newton's method where it converges slowly: is there an equilibrium at all? A collapse, and tensions that loads could have. */
+/* Search for a collapse if Newton's method converges slowly: whether there is an equilibrium at all, and with friction statically admissible tensions. */
 
 /*
-   Are there statically admissible tensions, inside the friction cones? If *held, `bears` returns them, for all links. The problem
-   of the cones has its own operators; its steps and linear stages count as Newton's. Collective on latin
+   Searches for statically admissible tensions inside the friction cones. *held: found, in `bears`, for all links. The problem of the cones has its
+   own operators; its steps and linear stages count as Newton's. Collective on latin
 */
 PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec more, PetscReal bears[], PetscBool *held)
 {
@@ -42,8 +42,9 @@ PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec mo
 }
 
 /*
-   Searches for a collapse: no equilibrium. Once a solve, if Newton's method converges slowly and has linear stages left; counts as its
-   steps. Needs PC latin: the operators have no entries for other preconditioners. Collective on newton->snes
+   Searches for a collapse, that is, proves that there is no equilibrium. Runs once per solve, if Newton's method converges slowly and linear stages
+   are left; its steps and stages count as Newton's. Needs PC latin: the operators have no entries for other preconditioners. Overwrites the Jacobian.
+   Collective on newton->snes
 */
 PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
 {
@@ -67,6 +68,6 @@ PetscErrorCode LatinNewtonCollapse_Private(LatinNewton *newton, Vec more)
   newton->held = (PetscBool)((held || newton->structure->ground) && !newton->structure->own_laws); /* masses bear any loads */
   newton->steps += steps;
   newton->stages += stages;
-  newton->changes = 1; /* rebuild the tangent stiffness, which this has overwritten */
+  newton->changes = 1; /* the tangent stiffness must be rebuilt */
   PetscFunctionReturn(0);
 }

@@ -1,22 +1,30 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Convergence tests of Newton's method (snes/newton.c): of its linear solves and of its steps. A step is measured, then claims convergence,
-   or that rounding allows no more, which the unbalance and a correction prove or contradict; else the next step is prepared.
+   Convergence tests of Newton's method (snes/newton.c), of its linear solves and of its steps. After each step:
+
+   1. LatinNewtonMeasure_Private estimates the error.
+   2. LatinNewtonClaims_Private claims convergence, or that rounding allows no more.
+   3. LatinNewtonProve_Private checks the claim by the unbalance and by a correction (snes/correction.c).
+   4. LatinNewtonNext_Private prepares the next step.
 */
 
-#define LATIN_NEWTON_PROOF       0.5 /* relative residual of a linear solve below which its iterate measures the error */
-#define LATIN_NEWTON_SLOW        4   /* first step after which other methods follow if it changes more than half as many links as the one before; not in time steps without rigid links, where full steps are faster */
-#define LATIN_NEWTON_GAIN        0.5 /* with a fixed active set, a step that reduces the error by less than this shows rounding */
+#define LATIN_NEWTON_PROOF 0.5 /* relative residual of a linear solve below which its iterate estimates the error */
+/*
+   first step after which other methods may follow, if it changes more than half as many links as the step before. Not in time steps without rigid
+   links, where full steps are faster
+*/
+#define LATIN_NEWTON_SLOW        4
+#define LATIN_NEWTON_GAIN        0.5 /* with a fixed active set, a step that reduces the error to more than this part shows rounding */
 #define LATIN_NEWTON_SAFETY_MOST 1e8 /* largest safety factor on the relative residual of a linear solve */
 
-/* What a step has shown */
+/* Result of a step */
 typedef struct {
   PetscReal before;           /* error after the step before */
-  PetscInt  changes;          /* links whose stiffness has changed since the operators were made */
-  PetscBool unexplained;      /* the residual along the step is still larger than the linear solve explains */
-  PetscBool confirmed;        /* by a second small step, where forces of stiff links hide those of soft ones */
-  PetscBool claims, rounding; /* that it has converged; that rounding allows no more */
+  PetscInt  changes;          /* links whose stiffness differs from that of the operators */
+  PetscBool unexplained;      /* the residual along the step is larger than the linear solve explains */
+  PetscBool confirmed;        /* confirmed by a second small step, as forces of stiff links hide those of soft ones */
+  PetscBool claims, rounding; /* claims convergence; claims that rounding allows no more */
 } LatinSeen;
 
 /*
@@ -49,7 +57,10 @@ PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, 
   PetscFunctionReturn(0);
 }
 
-/* If u is larger than the structure, that is nearly a mechanism, and a small unbalance proves nothing: *claims becomes false. Collective on newton->structure */
+/*
+   Withdraws the claim (*claims) if u is larger than the structure: it is nearly a mechanism, whose small unbalance proves nothing. Collective on
+   newton->structure
+*/
 static PetscErrorCode LatinNewtonNear_Private(LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims)
 {
   PetscBool far;
@@ -61,7 +72,7 @@ static PetscErrorCode LatinNewtonNear_Private(LatinNewton *newton, Vec u, PetscR
   PetscFunctionReturn(0);
 }
 
-/* Does the unbalance at u contradict convergence? The unbalance may be rounding alone. Collective on snes */
+/* Compares the unbalance at u with its rounding and with the loads, in *found; withdraws the claim if u is nearly a mechanism. Collective on snes */
 static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
 {
   Vec r, more;
@@ -74,7 +85,10 @@ static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionReturn(0);
 }
 
-/* Does a correction, by one more linear stage, contradict convergence? Then its ratio to the target raises newton->safety, which tightens the linear solves. Collective on snes */
+/*
+   Checks the claim by a correction, one more linear stage. If it contradicts, its ratio to the target raises newton->safety, which tightens the
+   linear solves. Collective on snes
+*/
 static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
 {
   PetscReal error, times;
@@ -91,7 +105,10 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   PetscFunctionReturn(0);
 }
 
-/* Verifies by the unbalance and by a correction that u has converged (*claims), or as far as rounding allows (*rounding). doubtful: only an unbalance that is all rounding proves it. Collective on snes */
+/*
+   Verifies that u has converged (*claims), or as far as rounding allows (*rounding), by the unbalance and by a correction. doubtful: convergence
+   needs an unbalance that is all rounding. Collective on snes
+*/
 static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool doubtful, PetscBool *rounding, PetscBool *claims)
 {
   LatinEquilibrium found;
@@ -100,14 +117,15 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
     *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!doubtful || found.balanced)); /* a node with a small load may hang on slack links alone: not converged */
+    /* doubtful: a node with a small load may depend on slack links only */
+    *claims = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!doubtful || found.balanced));
   }
   newton->tensions = found.forces;
   if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
   PetscFunctionReturn(0);
 }
 
-/* Length of the last step, relative to u after it, in the l2 and energy norms. Collective on snes */
+/* Computes the length of the last step relative to u after it, in the l2 and energy norms. Collective on snes */
 static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal *l2, PetscReal *energy)
 {
   Vec step, before;
@@ -121,7 +139,7 @@ static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Ve
   PetscFunctionReturn(0);
 }
 
-/* Measures a step. Its error is its length times the relative residual of the linear solve if no link has changed, else its length. Collective on snes */
+/* Estimates the error after a step: its length, times the relative residual of the linear solve if no link has changed. Collective on snes */
 static PetscErrorCode LatinNewtonMeasure_Private(SNES snes, PetscReal xnorm, PetscReal snorm, Vec u, LatinNewton *newton, LatinSeen *seen)
 {
   const PetscBool penalty = (PetscBool)(newton->structure->penalty != NULL);
@@ -135,22 +153,27 @@ static PetscErrorCode LatinNewtonMeasure_Private(SNES snes, PetscReal xnorm, Pet
   PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &seen->changes));
   PetscCall(SNESGetLineSearch(snes, &search));
   PetscCall(SNESLineSearchGetLambda(search, &lambda));
-  if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) seen->changes = PetscMax(seen->changes, 1); /* a shortened step: links have changed along it */
+  if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) seen->changes = PetscMax(seen->changes, 1); /* a shortened step has changed links */
   newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
   if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
-  if (!seen->changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left); /* with contrasts of stiffness only a step of no length is a proof */
+  /* with contrasts of stiffness only a step of zero length proves convergence */
+  if (!seen->changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->safety * newton->left);
   newton->known = seen->changes ? 0.0 : newton->error;
   tiny          = (PetscBool)(newton->error <= LATIN_NEWTON_REST);
   newton->small = newton->error <= newton->target && (tiny || !newton->small || newton->error <= seen->before) ? newton->small + 1 : 0;
   if (newton->tangent && !penalty && !tiny) {
-    seen->unexplained = (PetscBool)(newton->slope > LATIN_NEWTON_RTOL);      /* unless it is rounding; without it 2 of 150 nearly straight cables, and 1 of 150 structures with contrasts, are refused */
-    seen->confirmed   = (PetscBool)(!newton->contrast || newton->small > 1); /* the next linear solve sees the forces of soft links: a node that creeps behind stiff ones needs it (tests/test_collapse.py) */
+    /*
+       without `unexplained` 2 of 150 nearly straight cables and 1 of 150 structures with contrasts are refused; `confirmed` lets the next linear
+       solve include the forces of soft links, as of a node that creeps behind stiff ones (tests/test_collapse.py)
+    */
+    seen->unexplained = (PetscBool)(newton->slope > LATIN_NEWTON_RTOL);
+    seen->confirmed   = (PetscBool)(!newton->contrast || newton->small > 1);
   }
   if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   PetscFunctionReturn(0);
 }
 
-/* Claims that step `it` has converged, or that rounding allows no more, as far as that is proved. Collective on snes */
+/* Claims that step `it` has converged, or that rounding allows no more, and has the claims checked. Collective on snes */
 static PetscErrorCode LatinNewtonClaims_Private(SNES snes, PetscInt it, PetscReal fnorm, Vec u, LatinNewton *newton, LatinSeen *seen)
 {
   const PetscBool penalty = (PetscBool)(newton->structure->penalty != NULL);
@@ -168,7 +191,7 @@ static PetscErrorCode LatinNewtonClaims_Private(SNES snes, PetscInt it, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* What a step that has not converged is followed by: a search for a collapse, another start, or a linear solve of this accuracy. Collective on snes */
+/* Prepares what follows a step without convergence: a search for a collapse, another start, or a linear solve with this tolerance. Collective on snes */
 static PetscErrorCode LatinNewtonNext_Private(SNES snes, PetscInt it, KSP ksp, PetscInt changes, LatinNewton *newton, SNESConvergedReason *reason)
 {
   const PetscBool slow = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes && (newton->structure->penalty || !newton->structure->ground)));
@@ -176,15 +199,15 @@ static PetscErrorCode LatinNewtonNext_Private(SNES snes, PetscInt it, KSP ksp, P
   PetscFunctionBegin;
   newton->changes = changes;
   if (slow && !*reason) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
-  if (it == LATIN_NEWTON_FULL && !newton->tangent && !*reason) *reason = SNES_DIVERGED_MAX_IT; /* the solution is not near: it begins again with the tangent stiffness */
-  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER;                                 /* it begins again where the interior-point method ends */
+  if (it == LATIN_NEWTON_FULL && !newton->tangent && !*reason) *reason = SNES_DIVERGED_MAX_IT; /* not near the solution: restart with the tangent stiffness */
+  if (newton->held && !*reason) *reason = SNES_DIVERGED_INNER;                                 /* restart from the end of the interior-point method */
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* direct solvers do not call the test that sets it */
   PetscFunctionReturn(0);
 }
 
-/* The test after step `it`; 0: before the first */
+/* Convergence test after step `it`, 0: before the first */
 PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;

@@ -1,18 +1,23 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method (snes/newton.c), or with friction the interior-point method (snes/coulomb.c), after the iteration of SNES latin: what it is
-   asked for, where it starts, and whether its result is accepted.
+   Newton's method (snes/newton.c), or with friction the interior-point method (snes/coulomb.c), after the iteration of SNES latin:
+
+   1. Goal: errors and unbalance to reach (SNESLatinNewtonGoal_Private, SNESLatinNewtonBalance_Private).
+   2. Start: the iterate, or zero (SNESLatinNewtonGuess_Private).
+   3. Run (SNESLatinNewtonRun_Private).
+   4. Acceptance, by the unbalance and the digits (SNESLatinFinished_Private, SNESLatinProveDigits_Private); else the iteration continues.
 */
 
-#define LATIN_DIGITS_SAFETY 2.0  /* safety factor on errors known to their order of magnitude */
-#define LATIN_NEWTON_AFTER  1000 /* most linear stages after a failure of Newton's method without rigid links, or of the interior-point method in a time step: usually there is no solution */
+#define LATIN_DIGITS_SAFETY 2.0 /* safety factor on errors known to their order of magnitude */
+/* most linear stages after a failure of Newton's method without rigid links, or of the interior-point method in a time step; usually there is no solution */
+#define LATIN_NEWTON_AFTER 1000
 
-/* Is the error of Newton's method above the rounding of this precision? Else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
+/* Checks whether the precision allows the requested error; else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* LatinGetDigits() needs tensions that are functions of displacements */
+  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* LatinGetDigits() needs tensions as functions of displacements */
   PetscReal       unbalance, rounding, size, least;
 
   PetscFunctionBegin;
@@ -26,7 +31,8 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
       (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame)
     PetscFunctionReturn(0);
   if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
-  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);   /* the tangent stiffness left in slack links hides soft nodes */
+  /* the remaining stiffness of slack links hides soft nodes */
+  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
   if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
   data->next = LATIN_NEXT_ROUNDING;
@@ -72,7 +78,10 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
-/* Largest unbalance at convergence, relative to the loads; with operators of the iteration or without loads also relative to the tensions, whose error it bounds. Collective on snes */
+/*
+   Computes the largest unbalance at convergence, from the loads; with operators of the iteration or without loads also from the tensions, whose error
+   it bounds. own: preconditioner of the tangent stiffness. Collective on snes
+*/
 static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -92,7 +101,10 @@ static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, P
   PetscFunctionReturn(0);
 }
 
-/* Initial guess of Newton's method: the iterate, or zero if its unbalance is smaller, or where links yield and it is far away. Collective on snes */
+/*
+   Sets the initial guess of Newton's method: the iterate, or zero if that has a smaller unbalance, or if links yield and the iterate is far away.
+   Collective on snes
+*/
 static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -111,14 +123,15 @@ static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
   PetscCall(VecNorm(r, NORM_2, &rest));
   PetscCall(DMRestoreGlobalVector(structure->dm, &r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
-  if (data->newton.own_laws) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far)); /* on plateaus unbalanced forces are small however far it is */
+  /* on plateaus of laws the unbalance is small at any distance */
+  if (data->newton.own_laws) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far));
   if (data->residual <= rest && !far) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(snes->vec_sol));
   if (rigid) PetscCall(PetscArrayzero(rigid, structure->links_local));
   PetscFunctionReturn(0);
 }
 
-/* What Newton's method is asked for. Collective on snes */
+/* Sets what Newton's method must reach. Collective on snes */
 static PetscErrorCode SNESLatinNewtonGoal_Private(SNES snes)
 {
   SNES_Latin  *data   = (SNES_Latin *)snes->data;
@@ -139,7 +152,7 @@ static PetscErrorCode SNESLatinNewtonGoal_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Newton's method from the displacements of the iteration; own: with preconditioners of the tangent stiffness. Collective on snes */
+/* Runs Newton's method from the displacements of the iteration. own: with preconditioners of the tangent stiffness. Collective on snes */
 static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, PetscBool own, SNESConvergedReason *reason)
 {
   SNES_Latin  *data   = (SNES_Latin *)snes->data;
@@ -148,7 +161,7 @@ static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, Pet
 
   PetscFunctionBegin;
   if (stall) PetscCall(SNESLatinNewtonGuess_Private(snes));
-  else PetscCall(SNESLatinResidual_Private(snes)); /* the estimated error is small: from these displacements, and these tensions of rigid links */
+  else PetscCall(SNESLatinResidual_Private(snes)); /* the estimated error is small: start from these displacements and tensions of rigid links */
   PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinNewtonBalance_Private(snes, own, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(newton));
@@ -164,8 +177,8 @@ static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, Pet
 }
 
 /*
-   Newton's method after the iteration, or with friction the interior-point method. If it fails with operators of the iteration, it
-   restarts with the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes
+   Runs Newton's method after the iteration, or with friction the interior-point method. If it fails with operators of the iteration, it restarts with
+   the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes
 */
 PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 {
@@ -177,7 +190,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   SNESConvergedReason  reason;
 
   PetscFunctionBegin;
-  if (stall) PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on iterates of the iteration is no proof */
+  if (stall) PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on an iterate proves nothing */
   if (stall) PetscCall(LatinEquilibriumNodes_Private(structure, snes->vec_rhs, snes->vec_sol, &data->found));
   if (stall && data->found.verdict == LATIN_UNBOUNDED) {
     PetscCall(SNESLatinBalance_Private(snes));
@@ -191,7 +204,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
-  /* the next solve starts from the solution, but not where rounding hides what is left: light parts that move beside heavy ones at rest, a truss in flight */
+  /* a warm start begins at the solution. Not where rounding hides motion: light parts that move beside heavy ones at rest, as a truss in flight */
   if (done && data->warm && LatinNextConverged(data->next) && !data->found.at_rest && !elastic) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
@@ -202,7 +215,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinDecide_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && elastic)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
-  data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* convergence is unproven: Newton's method has failed, or had no stages left */
+  data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* unproven: Newton's method has failed, or had no stages left */
   PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
   PetscFunctionReturn(0);
 }
