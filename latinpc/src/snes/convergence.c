@@ -1,13 +1,20 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   After each linear stage of SNES latin: the measure of the stop, monitors, the user's convergence test, and the decision what
-   happens next.
+   After each linear stage of SNES latin (SNESLatinConverged_Private):
+
+   1. Measure of the stop (SNESLatinMeasure_Private).
+   2. Monitors and the user's convergence test (SNESLatinWatch_Private).
+   3. Decision what follows: the next stage, Newton's method, another search parameter, or the end (SNESLatinDecide_Private).
 */
 
-#define LATIN_PROOF_EARLY 4.0 /* estimated error, relative to the one asked for, at which Newton's method takes over. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
+/*
+   estimated error, relative to the requested one, at which Newton's method takes over. From 2 to 8 linear stages and its iterations together are
+   about equal; 16 misses the error
+*/
+#define LATIN_PROOF_EARLY 4.0
 
-/* PETSc's reason for the end of a solve; SNES_CONVERGED_ITERATING if it continues, or if snes->reason is set already (LATIN_NEXT_GIVEN) */
+/* Returns PETSc's reason for the end of a solve: SNES_CONVERGED_ITERATING if it continues, or if snes->reason is already set (LATIN_NEXT_GIVEN) */
 SNESConvergedReason SNESLatinReason(LatinNext next)
 {
   static const SNESConvergedReason reason[LATIN_NEXT_GIVEN + 1] = {
@@ -25,13 +32,13 @@ SNESConvergedReason SNESLatinReason(LatinNext next)
   return reason[next];
 }
 
-/* Has the user set a convergence test? It replaces the stop */
+/* Returns whether the user has set a convergence test, which replaces the stop */
 PetscBool SNESLatinUserTest(SNES snes)
 {
   return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
 }
 
-/* Do monitors, history, test or update need the solution and the norm of the function during the iteration? */
+/* Returns whether monitors, history, test or update need the solution and the norm of the function during the iteration */
 PetscBool SNESLatinWatched(SNES snes)
 {
   return (PetscBool)(SNESLatinUserTest(snes) || snes->numbermonitors || snes->conv_hist || snes->ops->update);
@@ -66,8 +73,9 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 }
 
 /*
-   Before the first stage: computes the initial unbalance if a monitor or a test needs it. The stop on the residual is relative to
-   that or to the loads, whichever is less: an unbalance small relative to the prestress may be large relative to the loads. Collective on snes
+   Prepares the first stage: finds whether there is an initial guess, and computes the initial unbalance if a monitor or a test needs it. The stop on
+   the residual is relative to that or to the loads, whichever is less: an unbalance small beside the prestress may be large beside the loads.
+   Collective on snes
 */
 PetscErrorCode SNESLatinFirst_Private(SNES snes)
 {
@@ -87,7 +95,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
   if (data->stop == LATIN_STOP_RESIDUAL) warm = PETSC_FALSE;
   if (data->latin->linear.rigid_tension && !warm) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
-  if (!data->guess && !warm) PetscCall(VecZeroEntries(snes->vec_sol)); /* a warm start is watched from the last solution, which the caller still has */
+  if (!data->guess && !warm) PetscCall(VecZeroEntries(snes->vec_sol)); /* monitors of a warm start see the last solution, which the caller still has */
   PetscCall(SNESLatinBalance_Private(snes));
   data->first_residual = data->residual;
   PetscCall(SNESLatinLoads_Private(snes, &loads));
@@ -120,7 +128,7 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The measure of the stop and its target. Once the estimated error is below the target, the unbalance corrects it. Collective on snes */
+/* Computes the measure of the stop and its target. Once the estimated error is below the target, the unbalance corrects it. Collective on snes */
 static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, PetscReal *target)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -147,7 +155,7 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
   PetscFunctionReturn(0);
 }
 
-/* Is the target reached, or is all change rounding? */
+/* Returns whether the target is reached, or all change is rounding */
 static LatinNext SNESLatinReached(SNES snes, PetscReal measure, PetscReal target)
 {
   const SNES_Latin *data     = (SNES_Latin *)snes->data;
@@ -161,8 +169,8 @@ static LatinNext SNESLatinReached(SNES snes, PetscReal measure, PetscReal target
 }
 
 /*
-   Does Newton's method finish the solve? Its step measures the error: it proves convergence, which an estimate does not, and
-   continues if rounding ends the iteration before the target.
+   Returns whether Newton's method finishes the solve. Its step measures the error: it proves convergence, which an estimate does not, and continues
+   if rounding ends the iteration before the target
 */
 static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, PetscReal target, LatinNext next)
 {
@@ -171,22 +179,24 @@ static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, Pe
   return (PetscBool)(next == LATIN_NEXT_CONVERGED && data->stop != LATIN_STOP_REFERENCE && measure > target);
 }
 
-/* Does Newton's method take over: on a stall, on divergence, or if convergence is unproven? */
+/* Returns whether Newton's method takes over: on a stall, on divergence, or if convergence is unproven */
 static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, PetscReal target, LatinNext next)
 {
   if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
   if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
-  if (LatinNextConverged(next) && data->found.at_rest && data->found.balanced) return PETSC_FALSE;                         /* nothing moves, so that no step is relatively small: balance is the proof */
-  if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE; /* multipliers meet gaps more accurately; not in statics, where the coordinates round gaps */
-  return data->newton.contrast;                                                                                            /* rounding limits Newton's method as well, unless the contrast of stiffnesses causes it */
+  /* nothing moves, so that no step is relatively small: balance is the proof */
+  if (LatinNextConverged(next) && data->found.at_rest && data->found.balanced) return PETSC_FALSE;
+  /* multipliers close gaps more accurately; not in statics, where coordinates round gaps */
+  if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE;
+  return data->newton.contrast; /* rounding limits Newton's method as well, unless contrasts of stiffness cause it */
 }
 
 /*
-   Convergence needs balance: an unbalance that is small relative to stiffnesses, but not to loads, allows arbitrary displacements
-   between slack links, and wrong tensions. It needs closed gaps at rigid links as well, which the residual does not contain.
-   Displacements larger than the structure are a solution only if forces balance. Collective on snes
+   Checks that a converged iterate is an equilibrium, else changes *next. Balance: an unbalance that is small beside stiffnesses, but not beside
+   loads, allows arbitrary displacements between slack links, and wrong tensions. Gaps: rigid links must meet them, which the residual does not
+   contain. Displacements larger than the structure are a solution only if forces balance. Collective on snes
 */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
@@ -218,7 +228,10 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-/* Does the distance of the stages exceed -snes_divergence_tolerance? A single excess is a jump of the Anderson acceleration, which the next stages correct: two in a row are a divergence, or one if Newton's method can take over */
+/*
+   Returns whether the distance of the stages exceeds -snes_divergence_tolerance twice in a row, or once if Newton's method can take over. A single
+   excess is a jump of the Anderson acceleration, which the next stages correct
+*/
 static PetscBool SNESLatinGrows(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
@@ -228,7 +241,10 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
-/* After Newton's method has failed: ends the iteration on a collapse, instead of at -snes_max_it. Displacements of a collapse grow from stage to stage; those of a solution may be larger than the structure, but do not grow. Collective on snes */
+/*
+   Ends the iteration on a collapse after Newton's method has failed, long before -snes_max_it. Displacements of a collapse grow from stage to stage;
+   those of a solution may be larger than the structure, but do not grow. Collective on snes
+*/
 static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data      = (SNES_Latin *)snes->data;
@@ -244,7 +260,7 @@ static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-/* What follows this linear stage. Collective on snes */
+/* Decides what follows this linear stage. Collective on snes */
 PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -252,7 +268,7 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   PetscBool   stalled;
 
   PetscFunctionBegin;
-  if (latin->linear.failed) *next = LATIN_NEXT_FAILED; /* also where it has left no number */
+  if (latin->linear.failed) *next = LATIN_NEXT_FAILED; /* tested first, as the measure may be no number */
   else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
@@ -268,7 +284,10 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   PetscFunctionReturn(0);
 }
 
-/* Has this linear stage been tested already? The acceleration may test a stage twice. The first stage sets the distance that divergence is relative to. Not collective */
+/*
+   Returns in *again whether this linear stage has been tested already: the acceleration may test a stage twice. The first stage sets the distance to
+   which divergence is relative. Not collective
+*/
 static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
@@ -282,7 +301,7 @@ static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
   PetscFunctionReturn(0);
 }
 
-/* The convergence test of the inner SNES, once a linear stage */
+/* Convergence test of the inner SNES, once per linear stage */
 static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   SNES        snes = (SNES)ctx;
@@ -307,7 +326,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
   PetscFunctionReturn(0);
 }
 
-/* The iteration from the state z: `decide` says what follows each stage, the inner SNES may end by itself. Collective on snes */
+/* Iterates from the state z until `decide` ends it, or the inner SNES does. Collective on snes */
 PetscErrorCode SNESLatinIterate_Private(SNES snes, LatinDecide decide)
 {
   SNES_Latin         *data = (SNES_Latin *)snes->data;
@@ -322,7 +341,8 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, LatinDecide decide)
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &reason));
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : data->newton.stall && decide == SNESLatinDecide_Private ? LATIN_NEXT_NEWTON_STALL : LATIN_NEXT_GIVEN; /* a line search may take no step */
+  /* a line search may find no step */
+  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : data->newton.stall && decide == SNESLatinDecide_Private ? LATIN_NEXT_NEWTON_STALL : LATIN_NEXT_GIVEN;
   snes->reason = reason;
   PetscFunctionReturn(0);
 }

@@ -1,35 +1,38 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Contacts with Coulomb friction: the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the
-   solution may turn back, most often with much friction: then steps of Newton's method become short. Two remedies take turns. The iterate is
-   lifted farther inside, from where another path may lead to a solution. Or pushes of contacts settle at a constant mean product, by
-   a fixed point whose steps are those of a convex problem; once they have, the mean product is reduced, and Newton's method goes on from there.
-   Lifts serve structures with few contacts, pushes that settle dense packings. None may help.
+   Contacts with Coulomb friction, by the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the solution may
+   turn back, most often with much friction: then Newton steps become short. Two remedies take turns (LatinCoulombNext_Private):
+
+   1. Lift: the iterate moves farther inside, from where another path may lead to a solution. Helps structures with few contacts.
+   2. Settling: the pushes of the contacts converge at a constant mean product, by a fixed point whose steps are those of a convex problem; then the
+      mean product is reduced, and Newton's method continues. Helps dense packings.
+
+   Both may fail.
 */
 
 #define LATIN_COULOMB_STEPS     200                           /* most steps */
-#define LATIN_COULOMB_SHORT     0.1                           /* steps of Newton's method that are this short, */
-#define LATIN_COULOMB_PATIENCE  3                             /* and so many of them, show that the path turns back */
+#define LATIN_COULOMB_SHORT     0.1                           /* steps of Newton's method shorter than this are short */
+#define LATIN_COULOMB_PATIENCE  3                             /* successive short steps that show that the path turns back */
 #define LATIN_COULOMB_LIFT      1e3                           /* growth of the mean product by a lift */
-#define LATIN_COULOMB_LONG      0.5                           /* length of a step after which pushes may have settled, */
-#define LATIN_COULOMB_SETTLED   0.1                           /* and what they miss then, relative to them */
-#define LATIN_COULOMB_REDUCED   0.1                           /* the mean product then, and that at which Newton's method goes on */
-#define LATIN_COULOMB_SETTLES   20                            /* most steps until then */
-#define LATIN_COULOMB_LESS      1e-2                          /* regularisation, relative to that without friction: with more, self-stresses creep */
-#define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions */
-#define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without forces */
-#define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep */
-#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* LATIN_CONVEX_GAP is less where the square of the requested error is less, but no less than this */
-#define LATIN_COULOMB_LEAST     1e-3                          /* products that steps aim at, relative to that, at least: with less the point is stuck at its bounds */
+#define LATIN_COULOMB_LONG      0.5                           /* pushes may have settled after a step of at least this length, */
+#define LATIN_COULOMB_SETTLED   0.1                           /* if they change by less than this, relative */
+#define LATIN_COULOMB_REDUCED   0.1                           /* factor on the mean product after that; same factor at which Newton's method goes on */
+#define LATIN_COULOMB_SETTLES   20                            /* most steps for pushes to settle */
+#define LATIN_COULOMB_LESS      1e-2                          /* regularisation, relative to that without friction; with more, self-stresses creep */
+#define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions: the first and refinement */
+#define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without force */
+#define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep: displacements change while tensions are constant */
+#define LATIN_COULOMB_GAP_LEAST LatinByPrecision(1e-20, 1e-8) /* least final gap; LATIN_CONVEX_GAP falls to the squared requested error, if that is less */
+#define LATIN_COULOMB_LEAST     1e-3                          /* least target of the products, relative to that gap; with less, the point sticks to bounds */
 
 /* State of a run */
 typedef struct {
-  PetscReal first, goal;   /* mean product at the initial point; that at which Newton's method goes on */
-  PetscInt  count, creeps; /* steps that are short, or while pushes settle; steps that only creep */
+  PetscReal first, goal;   /* mean products: at the initial point; at which Newton's method continues */
+  PetscInt  count, creeps; /* short steps, or steps of settling; steps that only creep */
 } LatinCoulomb;
 
-/* The assembled operator, and its LU factors, prefix -snes_latin_friction_. Collective on snes */
+/* Creates the assembled operator and its LU factors, prefix -snes_latin_friction_. Collective on snes */
 static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 {
   const Latin latin = ((SNES_Latin *)snes->data)->latin;
@@ -46,13 +49,13 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 }
 
 /*
-   Is the point a solution: products and unbalance small, and displacements and tensions changed by less than the errors asked for in the last
-   step? Where displacements creep, with constant tensions, it is one of a continuum: grains without forces, or that slide along two opposite
-   ones. *creeps: number of such steps, but those in which displacements halve: these lead to rest. Collective
+   Checks whether the point is a solution: products and unbalance are small, and the last step changed displacements and tensions by less than the
+   requested errors. If displacements creep while tensions are constant, the point is one of a continuum of solutions: grains without forces, or that
+   slide along two opposite ones. *creeps: number of such steps, except those in which displacements halve, which lead to rest. Collective
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* squared steps of tensions, tensions, work */
+  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* sums: squared changes of tensions, squared tensions, work */
   PetscScalar push;
   PetscBool   rests;
 
@@ -63,10 +66,11 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
     sum[0] += PetscSqr(c->dt[l]);
     sum[1] += PetscSqr(c->t[l]);
     sum[2] += PetscAbsReal(c->t[l] * strain);
-    c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain); /* elastic links at a kink of their law have other tensions in the interior */
+    /* elastic links at a kink of their law have other tensions in the interior */
+    c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON * c->inside[0]) * c->count);      /* nothing bears: rounding of the tensions of the initial point, */
+  sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON * c->inside[0]) * c->count);      /* without tensions: rounding of those of the initial point, */
   sum[2] = PetscMax(sum[2], PETSC_MACHINE_EPSILON * c->inside[0] * c->inside[1] * c->count); /* and of their work */
   PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, c->structure->load, c->r));
   if (more) PetscCall(VecAXPY(c->r, -1.0, more));
@@ -93,7 +97,7 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   PetscFunctionReturn(0);
 }
 
-/* Moves the point farther inside: all tensions and elongations at bounds by `part` of what they are inside at the initial point. Collective */
+/* Lifts the point farther inside: increases all tensions and elongations at bounds by `part` of their sizes inside at the initial point. Collective */
 static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal part)
 {
   PetscFunctionBegin;
@@ -111,7 +115,7 @@ static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal par
   PetscFunctionReturn(0);
 }
 
-/* After a step: Newton's method goes on, or one of the remedies begins, or ends. Collective */
+/* Decides after a step: Newton's method continues, or a remedy begins or ends. Collective */
 static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb *run)
 {
   const PetscBool settled = (PetscBool)(c->length > LATIN_COULOMB_LONG && c->change < LATIN_COULOMB_SETTLED);
@@ -134,7 +138,7 @@ static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb 
   PetscFunctionReturn(0);
 }
 
-/* Steps to a solution. Collective */
+/* Takes steps until a solution or a limit. Collective */
 static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscBool *done)
 {
   LatinCoulomb run    = {.count = 0};
@@ -158,7 +162,7 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
   PetscFunctionReturn(0);
 }
 
-/* Is the rigid link l open: is its tension small beside its elongation? Not collective */
+/* Returns whether the rigid link l is open: its tension is small beside its elongation. Not collective */
 static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscReal stiffness)
 {
   PetscBool open = LatinPrimalDualOpen(c, l);
@@ -173,8 +177,8 @@ static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscRea
 }
 
 /*
-   Closed links that do not slip become bars of their search parameters, with weights c->w; all others get none, and open ones no tension. A contact
-   slips if the rate is large beside the distance of its tension from the cone. Not collective
+   Computes the weights c->w of the bars that determine the least tensions: closed links without slip get their search parameters, all others none,
+   and open ones no tension. A contact slips if its rate is large beside the distance of its tension from the cone. Not collective
 */
 static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
 {
@@ -204,9 +208,9 @@ static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
 }
 
 /*
-   Tensions of closed links may contain a self-stress, which the interior-point method leaves as large as it starts. Replaces them by the least ones
-   that balance the same forces, relative to their search parameters, if these are compressive and inside the friction cones. Not in a time step, where masses would
-   bear a part of these forces. Collective
+   Removes self-stresses from the tensions of closed links; the interior-point method leaves them as large as at its start. The least tensions that
+   balance the same forces, relative to their search parameters, replace them if they are compressive and inside the friction cones. Not in a time
+   step, where masses would bear a part of the forces. Collective
 */
 static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscReal stiffness[])
 {
@@ -218,7 +222,7 @@ static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscR
   if (structure->ground) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
   PetscCall(PetscArrayzero(c->dx, c->n));
-  for (PetscInt k = 0; k < LATIN_COULOMB_REFINED; k++) { /* the floor leaves a little */
+  for (PetscInt k = 0; k < LATIN_COULOMB_REFINED; k++) { /* refinement removes what the floor leaves */
     for (PetscInt l = 0; l < c->n; l++) c->dt[l] = c->w[l] > 0.0 ? c->t[l] - c->w[l] * c->dx[l] : 0.0;
     PetscCall(VecZeroEntries(c->dd));
     PetscCall(LatinStructureForces_Private(structure, c->dt, c->dd, NULL, c->r));
@@ -242,9 +246,9 @@ static PetscErrorCode LatinCoulombLeast_Private(LatinPrimalDual *c, const PetscR
 }
 
 /*
-   The interior-point method, after the search for tensions inside the friction cones, which proves that there is no equilibrium or shows that
-   the loads are borne. Displacements and tensions of rigid links are unchanged if the reason is negative; data->next is an end if the
-   search has found one. Collective on snes
+   Solves by the interior-point method, after the search for tensions inside the friction cones, which proves that there is no equilibrium or that the
+   loads are borne. If the reason is negative, displacements and tensions of rigid links are unchanged. data->next: an end of the solve if the search
+   has found one. Collective on snes
 */
 PetscErrorCode SNESLatinCoulomb_Private(SNES snes, SNESConvergedReason *reason)
 {

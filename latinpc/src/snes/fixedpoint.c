@@ -2,17 +2,17 @@
 #include "snes/sneslatinimpl.h"
 #include <petscdmshell.h>
 
-#define LATIN_GUESS_ROUNDING 16.0 /* eps, of the forces of the copies: interface forces of a guess pass on all but this */
-#define LATIN_OUTER_DEPTH    10   /* states, and what they leave, that Anderson keeps, see below */
-#define LATIN_GUESS_MOST     50   /* iterations to that; one for each number of copies and each pattern of interfaces of a node */
+#define LATIN_GUESS_ROUNDING 16.0 /* times eps: accuracy of the interface forces of a guess, relative to the forces of the copies */
+#define LATIN_OUTER_DEPTH    10   /* depth of the Anderson acceleration (states and residuals), see below */
+#define LATIN_GUESS_MOST     50   /* most iterations to this accuracy; one for each number of copies and each pattern of interfaces of a node */
 
 /*
-   The article's iteration as a fixed-point problem z = G(z), given to an inner SNES of the user's choice (prefix
-   -snes_latin_outer_): nrichardson is the plain iteration of section 3.3, anderson and others accelerate it. Its function
-   is z - G(z), for G itself see core/latin.c; its convergence test is in snes/convergence.c.
+   The article's iteration as a fixed-point problem z = G(z), solved by an inner SNES of the user's choice (prefix -snes_latin_outer_): nrichardson is
+   the plain iteration of section 3.3, anderson and others accelerate it. Its function is z - G(z). G, in stages/fixedpointmap.c: the linear stage,
+   (42) to (50), then the local stage, (23), (26), (27). Its convergence test is in snes/convergence.c.
 */
 
-/* F(z) = z - G(z), one linear and one local stage */
+/* Computes F(z) = z - G(z): one linear and one local stage. Collective on outer */
 PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
 {
   SNES_Latin *data  = (SNES_Latin *)((SNES)ctx)->data;
@@ -35,7 +35,7 @@ PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
   PetscFunctionReturn(0);
 }
 
-/* Types that need more than a function, or make one step, are refused: what they would claim is none, and some end in a crash */
+/* Refuses types that need more than a function, or make one step: they claim convergence without reason, and some crash */
 static PetscErrorCode SNESLatinOuterType_Private(SNES snes, const char type[])
 {
   PetscBool is;
@@ -47,10 +47,10 @@ static PetscErrorCode SNESLatinOuterType_Private(SNES snes, const char type[])
 }
 
 /*
-   Defaults of our own for the type that the inner SNES has, once: Anderson of depth 10, for structures with rigid laws with
-   restarts, for it is slowed down there by differences from before links changed between taut and slack; and for nrichardson
-   the full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes in
-   through an options database of our own; the user's is not touched. *changed: the user's options are to be read again
+   Sets our defaults for the type of the inner SNES, once per type: Anderson of depth 10, with restarts for structures with rigid laws, since
+   differences from before links became taut or slack slow it down; for nrichardson the full step, the article's iteration. PETSc has no setter for
+   the depth, only an option; so the default goes through an options database of its own, not the user's. *changed: the user's options must be read
+   again
 */
 static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *changed)
 {
@@ -78,7 +78,7 @@ static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *chang
   }
   PetscCall(PetscStrcmp(type, SNESANDERSON, &is));
   if (!is) PetscFunctionReturn(0);
-  /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
+  /* reads the type's options only, without printing: SNESSetFromOptions() would mark all as printed for -help */
   PetscCall(PetscOptionsCreate(&defaults));
   PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", PetscStringize(LATIN_OUTER_DEPTH)));
   PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart_type", rigid ? "periodic" : "none"));
@@ -92,7 +92,7 @@ static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *chang
   PetscFunctionReturn(0);
 }
 
-/* Reads the options of the inner SNES, as often as those of snes are read; another type comes with its own defaults */
+/* Reads the options of the inner SNES whenever those of snes are read; another type gets its own defaults */
 PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -109,7 +109,7 @@ PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
   PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
   PetscCall(PetscOptionsGetString(((PetscObject)data->outer)->options, prefix, "-snes_type", type, sizeof(type), NULL));
-  PetscCall(SNESLatinOuterType_Private(snes, type)); /* before PETSc makes it: aspin is none without a DM */
+  PetscCall(SNESLatinOuterType_Private(snes, type)); /* before PETSc creates it: aspin crashes without a DM */
   PetscCall(SNESSetFromOptions(data->outer));
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
   if (changed) PetscCall(SNESSetFromOptions(data->outer));
@@ -128,7 +128,10 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* A state of another length is to come. The inner SNES stays the user's; its type is made anew, as not every one survives a SNESReset() (qn does not) */
+/*
+   Prepares the inner SNES for a state of another length. It stays the user's object; its type is created anew, since some types, as qn, do not
+   survive SNESReset()
+*/
 PetscErrorCode SNESLatinOuterReset_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -138,7 +141,7 @@ PetscErrorCode SNESLatinOuterReset_Private(SNES snes)
   if (data->outer) {
     PetscCall(SNESReset(data->outer));
     PetscCall(PetscStrncpy(type, ((PetscObject)data->outer)->type_name, sizeof(type)));
-    PetscCall(SNESSetType(data->outer, SNESKSPONLY)); /* any other one */
+    PetscCall(SNESSetType(data->outer, SNESKSPONLY)); /* any other type */
     PetscCall(SNESSetType(data->outer, type));
     data->outer_type[0] = 0;
   }
@@ -146,8 +149,8 @@ PetscErrorCode SNESLatinOuterReset_Private(SNES snes)
 }
 
 /*
-   The past that an accelerated iteration keeps, up to 25 states, goes before Newton's method takes memory: each solve of the
-   inner SNES starts without one. SNESLatinOuterSetUp_Private() makes room for another. Collective on snes
+   Frees the past states of an accelerated iteration, up to 25, before Newton's method takes memory: each solve of the inner SNES starts without them.
+   SNESLatinOuterSetUp_Private() allocates others. Collective on snes
 */
 PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
 {
@@ -156,14 +159,14 @@ PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
   PetscInt    n;
 
   PetscFunctionBegin;
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &is, SNESANDERSON, SNESNGMRES, "")); /* not every one survives a SNESReset() */
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &is, SNESANDERSON, SNESNGMRES, "")); /* other types may not survive SNESReset() */
   if (is) PetscCall(SNESReset(data->outer));
   PetscCall(VecGetLocalSize(data->z, &n));
-  if (is) LatinRoomTrim(2 * LATIN_OUTER_DEPTH * (size_t)n * sizeof(PetscScalar)); /* what Newton's method takes need not be where they were */
+  if (is) LatinRoomTrim(2 * LATIN_OUTER_DEPTH * (size_t)n * sizeof(PetscScalar)); /* returns the memory, since Newton's method need not use the same blocks */
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES for states like data->z */
+/* Sets up the inner SNES for states like data->z */
 PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -173,13 +176,13 @@ PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
   Vec         F;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* somebody may have set the type */
+  PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* the caller may have set the type */
   if (changed) PetscCall(SNESSetFromOptions(data->outer));
   PetscCall(VecGetSize(data->z, &n));
   PetscCall(PetscObjectTypeCompare((PetscObject)data->outer, SNESQN, &is));
-  if (is && !n) PetscCall(SNESSetType(data->outer, SNESNRICHARDSON)); /* bars in one subdomain: one linear stage is all, and qn takes no states without entries */
+  if (is && !n) PetscCall(SNESSetType(data->outer, SNESNRICHARDSON)); /* only bars in one subdomain: one linear stage solves, and qn refuses empty states */
   if (data->outer->setupcalled) PetscFunctionReturn(0);
-  PetscCall(DMShellCreate(PetscObjectComm((PetscObject)snes), &shell)); /* where the inner SNES gets its work vectors from */
+  PetscCall(DMShellCreate(PetscObjectComm((PetscObject)snes), &shell)); /* source of work vectors of the inner SNES */
   PetscCall(DMShellSetGlobalVector(shell, data->z));
   PetscCall(SNESSetDM(data->outer, shell));
   PetscCall(DMDestroy(&shell));
@@ -190,7 +193,7 @@ PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Forces of the sides as differences of a potential of the copies, opposite on both sides, and what they add up to at each copy */
+/* Computes the forces F of the sides as differences of a potential of the copies, opposite on both sides, and their sum at each copy */
 static PetscErrorCode SNESLatinDifferences_Private(Latin latin, const PetscReal potential[], PetscReal F[], PetscReal sum[])
 {
   const LatinInterfaces *inter = &latin->inter;
@@ -207,9 +210,9 @@ static PetscErrorCode SNESLatinDifferences_Private(Latin latin, const PetscReal 
 }
 
 /*
-   The forces that subdomains exert on each other, from the unbalanced forces g on their copies of a node, less the mean of
-   the node: with an interface between any two of m copies (g_j - g_i) / m from j on i. Where interfaces are left out, as
-   in variant none, others pass these forces on: the least ones, by conjugate gradients in all nodes at once. Collective on latin
+   Computes the forces F that subdomains exert on each other, from the unbalanced forces g on their copies of a node, less the mean of the node. With
+   an interface between any two of m copies, copy j exerts (g_j - g_i) / m on copy i. If interfaces are left out, as in the variant none, others
+   transfer these forces: the least ones, by conjugate gradients in all nodes at once. Collective on latin
 */
 static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, PetscReal F[])
 {
@@ -228,7 +231,7 @@ static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, Pe
     norm[1] += PetscSqr(left[i]);
   }
   PetscCall(SNESLatinDifferences_Private(latin, step, F, sum));
-  PetscCall(PetscArrayzero(step, n)); /* where there is no interface nothing is passed on */
+  PetscCall(PetscArrayzero(step, n)); /* no interface transfers nothing */
   for (PetscInt k = 0; k < sides; k++) step[inter->side_dof[k]] = left[inter->side_dof[k]] - sum[inter->side_dof[k]];
   PetscCall(PetscArraycpy(left, step, n));
   for (PetscInt i = 0; i < n; i++) norm[0] += PetscSqr(left[i]);
@@ -258,9 +261,9 @@ static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, Pe
 }
 
 /*
-   The state of the displacements u: links bear what their laws make of u, rigid ones the tensions rigid[links_local], or nothing
-   if it is NULL, and interfaces the unbalanced forces of the subdomains. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a
-   link; that of a solution is a fixed point. Collective on snes
+   Computes the state z of the displacements u: links have the tensions of their laws, rigid ones `rigid` ([links_local]; NULL: zero), interfaces the
+   unbalanced forces of the subdomains. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a link; that of a solution is a fixed point. Collective
+   on snes
 */
 PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, const PetscReal rigid[], Vec z)
 {
@@ -277,7 +280,7 @@ PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, const PetscReal rigid[],
   if (rigid) PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, rigid, bears));
   PetscCall(VecDuplicate(u, &v));
   PetscCall(LatinInitialState_Private(&latin->linear, z));
-  if (rigid) PetscCall(LatinSFReduce_Private(sub->link_sf, 1, MPIU_REAL, bears, latin->linear.rigid_tension, MPI_REPLACE)); /* the initial state has none */
+  if (rigid) PetscCall(LatinSFReduce_Private(sub->link_sf, 1, MPIU_REAL, bears, latin->linear.rigid_tension, MPI_REPLACE)); /* the initial state sets zero */
   PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
   PetscCall(VecGetArray(z, &a));
   if (sub->part) LatinTurningState(&latin->linear, a + sides);
@@ -298,7 +301,10 @@ PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, const PetscReal rigid[],
   PetscFunctionReturn(0);
 }
 
-/* The state to start from: that of the last solve, or one step further in the same direction; that of the user's displacements; the prestressed configuration */
+/*
+   Sets the initial state: that of the last solve, or extrapolated from the last two; else that of the user's displacements; else the prestressed
+   configuration
+*/
 PetscErrorCode SNESLatinStart_Private(SNES snes)
 {
   SNES_Latin            *data = (SNES_Latin *)snes->data;
@@ -311,7 +317,7 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
     data->has_before = PETSC_FALSE;
     PetscFunctionReturn(0);
   }
-  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) /* prescribed ones may have changed since */
+  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) /* prescribed displacements may have changed */
     if (sub->fixed[i]) data->latin->linear.U[i] = sub->prescribed[i];
   if (data->warm == LATIN_WARM_START_LAST) PetscFunctionReturn(0);
   if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));

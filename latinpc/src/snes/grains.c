@@ -1,12 +1,14 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the
-   friction cones are a solution: nothing moves, so that no contact slips. Without such tensions the structure collapses
-   (structure/frictioncones.c).
+   Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the friction cones
+   are a solution: nothing moves, so no contact slips. Without such tensions the structure collapses (structure/frictioncones.c).
 */
 
-/* Has a structure with friction collapsed? Displacements are larger than the structure, and forces do not balance. Collective on snes */
+/*
+   Returns in *collapsed whether a structure with friction has collapsed: displacements are larger than the structure, and forces do not balance.
+   Collective on snes
+*/
 PetscErrorCode SNESLatinCollapsed_Private(SNES snes, PetscBool *collapsed)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -22,7 +24,7 @@ PetscErrorCode SNESLatinCollapsed_Private(SNES snes, PetscBool *collapsed)
   PetscFunctionReturn(0);
 }
 
-/* Are all gaps closed at zero displacements, with prescribed supports? Collective on structure */
+/* Returns in *closed whether all gaps are closed at zero displacements, with supports as prescribed. Collective on structure */
 static PetscErrorCode LatinGrainsClosed_Private(LatinStructure structure, PetscBool *closed)
 {
   PetscReal *x;
@@ -41,7 +43,10 @@ static PetscErrorCode LatinGrainsClosed_Private(LatinStructure structure, PetscB
   PetscFunctionReturn(0);
 }
 
-/* Are tensions inside the friction cones, to `part` times the largest tension? In space the edges of the polyhedral cones of LatinConesCreate_Private() are outside. Collective on structure */
+/*
+   Returns in *hold whether tensions are inside the friction cones, to `part` of the largest tension. In space the edges of the polyhedral cones of
+   LatinConesCreate_Private() are outside. Collective on structure
+*/
 static PetscErrorCode LatinGrainsHold_Private(LatinStructure structure, PetscReal part, const PetscReal tension[], PetscBool *hold)
 {
   const PetscInt dim    = structure->dim;
@@ -61,7 +66,7 @@ static PetscErrorCode LatinGrainsHold_Private(LatinStructure structure, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Tensions that balance the loads at zero displacements are the solution if the unbalance is below the errors asked for. Collective on snes */
+/* Accepts tensions at zero displacements as solution, if their unbalance is below the requested errors. Collective on snes */
 static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bears[], LatinNext *next)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -81,8 +86,8 @@ static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bea
 }
 
 /*
-   Structures with friction: searches for tensions inside the friction cones, once a solve. *next becomes LATIN_NEXT_DIVERGED without
-   equilibrium, or LATIN_NEXT_CONVERGED if the tensions are a solution at zero displacements; else it is unchanged. Collective on snes
+   Searches once per solve for tensions inside the friction cones. *next: LATIN_NEXT_DIVERGED without equilibrium, LATIN_NEXT_CONVERGED if the
+   tensions are a solution at zero displacements; else unchanged. Collective on snes
 */
 PetscErrorCode SNESLatinAdmissible_Private(SNES snes, LatinNext *next)
 {
@@ -107,7 +112,7 @@ PetscErrorCode SNESLatinAdmissible_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-/* Structures with friction: the same at the end of a solve that has failed, or if grains have collapsed. Collective on snes */
+/* Runs the same search at the end of a failed solve, or if grains have collapsed. Collective on snes */
 PetscErrorCode SNESLatinGrains_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;

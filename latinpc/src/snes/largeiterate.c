@@ -104,7 +104,7 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* the iteration rests where Newton's method finds no solution */
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
-  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* incompatible rigid links push each other away */
+  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* incompatible rigid links repel each other */
   data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* diverging displacements rest nowhere */
   *done      = PETSC_TRUE;
   PetscFunctionReturn(0);

@@ -14,7 +14,7 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* An option that was set, and that the stop does not use. Collective on snes */
+/* Refuses an option that was set but is not used by this stop. Collective on snes */
 static PetscErrorCode SNESLatinBelongs_Private(SNES snes, PetscBool set, const char option[], LatinStopType stop)
 {
   PetscFunctionBegin;
@@ -22,7 +22,7 @@ static PetscErrorCode SNESLatinBelongs_Private(SNES snes, PetscBool set, const c
   PetscFunctionReturn(0);
 }
 
-/* The same where a step tolerance decides instead of auto. Collective on snes */
+/* Refuses it also if a step tolerance decides instead of auto. Collective on snes */
 static PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool set, const char option[], LatinStopType stop)
 {
   const SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -150,7 +150,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   PetscValidLogicalCollectiveReal(snes, error, 2);
   PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
   data = (SNES_Latin *)snes->data;
-  if (data->requested == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* even with a step tolerance */
+  if (data->requested == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* also with a step tolerance */
   data->target = error;
   data->chosen = PETSC_TRUE;
   PetscFunctionReturn(0);

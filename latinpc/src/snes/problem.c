@@ -1,12 +1,12 @@
 #include "snes/sneslatinimpl.h"
 
-/* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference; the inner SNES; residual */
+/* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference, residual; and solutions that are zero to rounding. */
 
-#define LATIN_SELF_STRESS 64.0 /* times eps, of the norm of the tensions as drawn: rounding of their sums at nodes */
+#define LATIN_SELF_STRESS 64.0 /* times eps and the norm of the tensions as drawn: rounding of their sums at nodes */
 
 /*
-   Restores the initial operators and penalties before a solve from rest. With those at the end of the last solve the path may lead to
-   another equilibrium, or to none; so may the search parameter of a failed solve. Collective on snes
+   Restores the initial operators and penalties before a solve from rest, and the initial search parameter after a failed solve. With those of the
+   last solve the path may lead to another equilibrium, or to none. Collective on snes
 */
 static PetscErrorCode SNESLatinRestore_Private(SNES snes)
 {
@@ -26,7 +26,7 @@ static PetscErrorCode SNESLatinRestore_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* *problem: the structure itself, or with geometry prestress or large the frame of the parts of its links (structure/frame.c). Collective on snes */
+/* Sets *problem to the structure, or with geometry prestress or large to its frame (structure/frame.c). Collective on snes */
 PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, LatinStructure *problem)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -126,7 +126,7 @@ PetscErrorCode SNESLatinLoad_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The l2 norm of the loads at free degrees of freedom. Collective on snes */
+/* Computes the l2 norm of the loads at free degrees of freedom. Collective on snes */
 PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->latin->sub.structure;
@@ -140,7 +140,7 @@ PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* What moves the structure: the l2 norm of the loads, or without any that of the tensions as drawn. Collective on snes */
+/* Computes the l2 norm of what moves the structure: the loads, or without any the tensions as drawn. Collective on snes */
 PetscErrorCode SNESLatinDrive_Private(SNES snes, PetscReal *norm)
 {
   PetscFunctionBegin;
@@ -149,10 +149,13 @@ PetscErrorCode SNESLatinDrive_Private(SNES snes, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* Do tensions as drawn balance the loads, `more` included, but for rounding, and are rigid links, which bear nothing, as long as their gaps let them? Not where rounding hides loads. Collective on structure */
+/*
+   Returns in *rests whether the drawing is in equilibrium, but for rounding: its tensions balance the loads, with `more`, and rigid links bear
+   nothing and are within their gaps. Not if rounding hides the loads. Collective on structure
+*/
 static PetscErrorCode LatinDrawnRests_Private(LatinStructure structure, Vec more, PetscBool *rests)
 {
-  PetscReal bearing[2] = {0.0, 0.0}, left, loads, *tension; /* squared tensions; rigid links that would bear */
+  PetscReal bearing[2] = {0.0, 0.0}, left, loads, *tension; /* squared tensions; 1 if a rigid link would bear */
   Vec       u, r;
 
   PetscFunctionBegin;
@@ -183,8 +186,9 @@ static PetscErrorCode LatinDrawnRests_Private(LatinStructure structure, Vec more
 }
 
 /*
-   Is a solution of this l2 norm what rounding makes of a self-stress: do tensions as drawn balance the loads, and is the response to their rounding below
-   that of coordinates? It has no accurate digits. Not for rigid links, whose tensions are unknown, nor in a time step. Collective on structure
+   Returns in *rests whether displacements of this l2 norm are only rounding of a self-stress, and have no accurate digit: the drawing is in
+   equilibrium, and they are below the rounding of coordinates. Not for rigid links, whose tensions are unknown, nor in a time step. Collective on
+   structure
 */
 PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, PetscReal moved, PetscBool *rests)
 {
@@ -199,9 +203,9 @@ PetscErrorCode LatinSelfStress_Private(LatinStructure structure, Vec more, Petsc
 }
 
 /*
-   Where the structure rests as drawn without loads, a solve starts there: from the last state, or a guess, it shrank to the least numbers, as nothing has no
-   digits to be accurate to, and from the initial state slack links may let it stray. Links that turn may rest elsewhere as well, and a time step has its past.
-   Collective on snes
+   Starts the solve at zero displacements if the drawing is in equilibrium without loads. From the last state or a guess, displacements would decrease
+   to the least numbers, as zero has no relative accuracy; from the initial state they may drift along slack links. Not with turning links, which may
+   have other equilibria, nor in a time step. Collective on snes
 */
 PetscErrorCode SNESLatinAtRest_Private(SNES snes)
 {
@@ -221,7 +225,7 @@ PetscErrorCode SNESLatinAtRest_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Computes the function, the nodal unbalance, at the solution vector. Collective on snes */
+/* Computes the function, the nodal unbalance, at the solution vector, and its norm. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)
 {
   SNES_Latin    *data = (SNES_Latin *)snes->data;
@@ -237,7 +241,7 @@ PetscErrorCode SNESLatinBalance_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Solution vector: the mean displacements of the subdomains; function: their nodal unbalance. Once a linear stage. Collective on snes */
+/* Computes the solution vector, the mean displacements of the subdomains, and the function, their nodal unbalance, once per linear stage. Collective on snes */
 PetscErrorCode SNESLatinResidual_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;

@@ -133,7 +133,7 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
 }
 
 /*@C
-  SNESLatinGetBranch - Does a stable branch begin where the path of the last solve with large displacements has ended?
+  SNESLatinGetBranch - Gets whether a stable branch begins where the path of the last solve with large displacements has ended.
 
   Not collective
 
@@ -252,7 +252,7 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
   PetscFunctionReturn(0);
 }
 
-/* Composed with the SNES as LatinRigidTensions_C, for structure/attach.c */
+/* Gets the tensions of rigid links; composed with the SNES as LatinRigidTensions_C, for structure/attach.c. Not collective */
 PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[])
 {
   const SNES_Latin    *data  = (SNES_Latin *)snes->data;
@@ -308,7 +308,7 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver: SNES of type %s, options -%s\n", ((PetscObject)data->outer)->type_name, ((PetscObject)data->outer)->prefix));
-    PetscTryTypeMethod(data->outer, view, viewer); /* SNESView() would say that it is not set up: its vectors are freed after each solve */
+    PetscTryTypeMethod(data->outer, view, viewer); /* not SNESView(), which reports it as not set up: its vectors are freed after each solve */
   }
   if (newton->snes && newton->steps) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "by operators of the tangent stiffness" : "by the operators of the iteration",

@@ -18,12 +18,16 @@
    the solve restarts with another l.
 */
 
-#define LATIN_PARAMETER_WINDOW 30   /* initial window of linear stages, as many as between two restarts of the Anderson acceleration */
-#define LATIN_PARAMETER_GAIN   0.5  /* stall: the indicator has not been reduced by this factor, windows LATIN_PARAMETER_PAST / 2 apart */
-#define LATIN_PARAMETER_MOST   4.0  /* largest factor of a change */
+#define LATIN_PARAMETER_WINDOW 30   /* initial window, in linear stages: as many as between two restarts of the Anderson acceleration */
+#define LATIN_PARAMETER_GAIN   0.5  /* stall: the indicator has fallen by less than this factor, windows LATIN_PARAMETER_PAST / 2 apart */
+#define LATIN_PARAMETER_MOST   4.0  /* largest factor of one change */
 #define LATIN_PARAMETER_OFF    32.0 /* largest ratio of search parameter and measured stiffness without a change */
-#define LATIN_PARAMETER_RANGE  1e10 /* largest factor of all changes together, beside elastic links: the measured stiffness of a collapsing structure decreases, until operators are singular to rounding */
-#define LATIN_PARAMETER_AGAIN  3    /* most changes beside elastic links */
+/*
+   largest factor of all changes together, beside elastic links: the measured stiffness of a collapsing structure falls until operators are singular
+   to rounding
+*/
+#define LATIN_PARAMETER_RANGE 1e10
+#define LATIN_PARAMETER_AGAIN 3 /* most changes beside elastic links */
 
 static void LatinParameterClear(LatinParameter *parameter)
 {
@@ -32,7 +36,7 @@ static void LatinParameterClear(LatinParameter *parameter)
   parameter->sum[0] = parameter->sum[1] = 0.0;
 }
 
-/* Before the first linear stage of a solve: finds out whether l may be adapted. Collective on latin */
+/* Resets the data of a solve, and finds out whether l may be adapted. Collective on latin */
 PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *parameter)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -58,9 +62,9 @@ PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *paramete
 }
 
 /*
-   After the two stages from z to Gz: adds the squared changes of tensions and of l times elongations, relative to the distance of
-   the stages. Rigid links alone: of the local stage, tau_hat and l e_hat = tau_hat - Gz. Beside elastic links: of the linear stage,
-   from tau + l e = 2 tau_hat - Gz and tau - l e = z. Not collective
+   Adds the squared changes of tensions and of l times elongations after the two stages from z to Gz, relative to the distance of the stages. Rigid
+   links alone: those of the local stage, tau_hat and l e_hat = tau_hat - Gz. Beside elastic links: those of the linear stage, from tau + l e = 2
+   tau_hat - Gz and tau - l e = z. Not collective
 */
 PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinParameter *parameter)
 {
@@ -90,7 +94,7 @@ PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinPa
   PetscFunctionReturn(0);
 }
 
-/* Beside elastic links: measures the stiffness at rigid links, relative to l. If it is far from 1, *next becomes LATIN_NEXT_REBUILD. Collective on latin */
+/* Measures the stiffness at rigid links beside elastic ones, relative to l. If it is far from 1, *next becomes LATIN_NEXT_REBUILD. Collective on latin */
 static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], shown;
@@ -110,7 +114,10 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *p
   PetscFunctionReturn(0);
 }
 
-/* Does the search parameter need a change? Then *next becomes LATIN_NEXT_REBUILD. Call once a stage with the measure of the stop. Collective on latin */
+/*
+   Decides whether the search parameter must change; then *next becomes LATIN_NEXT_REBUILD. To be called once per stage with the measure of the stop.
+   Collective on latin
+*/
 PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], *least = parameter->least, now, before;
@@ -177,7 +184,7 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscFunctionReturn(0);
 }
 
-/* The search parameters that a state was saved with, before operators are built. Collective on latin */
+/* Sets the search parameters with which a state was saved, before operators are built. Collective on latin */
 PetscErrorCode LatinParameterRestore_Private(Latin latin, PetscReal tuning, PetscReal scale)
 {
   PetscFunctionBegin;
@@ -187,7 +194,10 @@ PetscErrorCode LatinParameterRestore_Private(Latin latin, PetscReal tuning, Pets
   PetscFunctionReturn(0);
 }
 
-/* Before a solve: other loads or gaps may be far from those of the automatic search parameters of rigid links alone, which no iteration then meets. Marks the operators for a rebuild. Collective on latin */
+/*
+   Resets the search parameters of rigid links before a solve whose loads or gaps are of another magnitude: the iteration would not converge with
+   them. Marks the operators for a rebuild. Collective on latin
+*/
 PetscErrorCode LatinParameterLoads_Private(Latin latin)
 {
   const LatinStructure structure = latin->sub.structure;

@@ -1,8 +1,16 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   SNES latin: set-up, and the course of a solve: initial state, iteration (snes/fixedpoint.c), Newton's method after it
-   (snes/takeover.c), diagnosis. For the mathematics of the method see core/latin.c and the stages that it calls.
+   SNES latin: set-up and solve. The course of a solve (SNESLatinSolve_Private):
+
+   1. Problem, operators, initial state (snes/problem.c).
+   2. Iteration (snes/fixedpoint.c, snes/convergence.c).
+   3. Newton's method (snes/takeover.c), or another search parameter (snes/searchparameter.c), and the iteration again. With large displacements
+      snes/large.c instead of 2. and 3.
+   4. If a solve from a guess or a warm start fails: again from rest.
+   5. Reason and diagnosis.
+
+   The equations are in stages/ and coarse/ (docs/developers.md).
 */
 
 #define LATIN_HISTORY 1000000 /* most linear stages in the history of indicator and errors: 32 MB */
@@ -13,7 +21,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   LatinStructure structure;
 
   PetscFunctionBegin;
-  snes->reason = SNES_CONVERGED_ITERATING; /* an error leaves no reason of an earlier solve */
+  snes->reason = SNES_CONVERGED_ITERATING; /* after an error no reason of an earlier solve remains */
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
@@ -26,7 +34,10 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Resolves the stop auto: the indicator if a step tolerance is given, if the problem is linear (there it shows the error), or with rigid links in single precision; else the error */
+/*
+   Resolves the stop auto. The indicator: if a step tolerance is given, if the problem is linear (there it shows the error), or with rigid links in
+   single precision. Else the error
+*/
 static void SNESLatinChooseStop(SNES snes)
 {
   SNES_Latin     *data   = (SNES_Latin *)snes->data;
@@ -36,7 +47,7 @@ static void SNESLatinChooseStop(SNES snes)
   if (data->requested == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
 }
 
-/* Before a solve: checks options, allocates the history, resets counters. Collective on snes */
+/* Prepares a solve: checks options, allocates the history, resets counters. Collective on snes */
 static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -76,7 +87,10 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Rebuilds the operators with another search parameter of rigid links. Rigid links alone: the converted state continues; beside elastic links the solve restarts. Collective on snes */
+/*
+   Rebuilds the operators with another search parameter of rigid links, and iterates. Rigid links alone: from the converted state; beside elastic
+   links: the solve restarts. Collective on snes
+*/
 static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -105,7 +119,10 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Not converged: estimates compare iterates and may be too small; raises them to the errors that the unbalance shows. With friction the unbalance is compared with the loads: tensions of a diverged iterate may be far larger. Collective on snes */
+/*
+   Raises the estimates of a solve without convergence to the errors that the unbalance shows: estimates compare iterates and may be too small. With
+   friction the unbalance is compared with the loads, as tensions of a diverged iterate may be far larger. Collective on snes
+*/
 static PetscErrorCode SNESLatinLift_Private(SNES snes)
 {
   SNES_Latin             *data     = (SNES_Latin *)snes->data;
@@ -124,7 +141,7 @@ static PetscErrorCode SNESLatinLift_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Diagnosis of a solve without convergence: unsupported nodes, jammed links, rounding. Collective on snes */
+/* Diagnoses a solve without convergence: unsupported nodes, jammed links, rounding. Collective on snes */
 static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
@@ -139,9 +156,11 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   else if (found->verdict != LATIN_JAMMED && !(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, NULL));
-    found->distance = PetscMin(found->distance, size); /* a diverged iterate does not prove an infinite distance (test_a_table_that_will_yield_bears_what_is_below_its_limit) */
+    /* a diverged iterate does not prove an infinite distance (test_a_table_that_will_yield_bears_what_is_below_its_limit) */
+    found->distance = PetscMin(found->distance, size);
     PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
-    if (collapsed && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse, whose large displacements round the unbalance: 2 of 150 structures with friction and contrasts */
+    /* a collapse, whose large displacements round the unbalance: 2 of 150 structures with friction and contrasts */
+    if (collapsed && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED;
     if (SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
@@ -157,7 +176,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Iteration and Newton's method, until data->next is an end. Collective on snes */
+/* Runs iteration and Newton's method until data->next is an end. Collective on snes */
 static PetscErrorCode SNESLatinRun_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -180,7 +199,10 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Are loads or displacements so small that their squares are zero, and no norm has seen them? Not in a time step: a motion comes to rest. Collective on snes */
+/*
+   Returns in *vanishes whether loads or displacements are so small that their squares underflow, and norms are zero. Not in a time step: a motion
+   comes to rest. Collective on snes
+*/
 static PetscErrorCode SNESLatinVanishes_Private(SNES snes, PetscBool *vanishes)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->latin->sub.structure;
@@ -216,7 +238,8 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   PetscCall(SNESLatinRun_Private(snes));
-  if ((data->next == LATIN_NEXT_ROUNDING || data->next == LATIN_NEXT_DIVERGED) && (data->guess || SNESLatinWarm(data)) && !data->large.frame) { /* a guess, or the last state, may be far from the solution: from rest */
+  /* the start may be far from the solution: again from rest */
+  if ((data->next == LATIN_NEXT_ROUNDING || data->next == LATIN_NEXT_DIVERGED) && (data->guess || SNESLatinWarm(data)) && !data->large.frame) {
     data->has_state = PETSC_FALSE;
     PetscCall(VecZeroEntries(snes->vec_sol));
     PetscCall(SNESLatinPrepare_Private(snes));
@@ -227,7 +250,7 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
   if (latin->linear.failed) data->next = LATIN_NEXT_FAILED;
   snes->linear_its = data->newton.stages;
   snes->iter       = latin->linear.applications + snes->linear_its;
-  if (data->current < 0 && !latin->linear.applications) PetscCall(SNESLatinBalance_Private(snes)); /* of the guess: no stage has been taken */
+  if (data->current < 0 && !latin->linear.applications) PetscCall(SNESLatinBalance_Private(snes)); /* of the guess, as no stage has run */
   else if (data->current < 0 || !latin->linear.failed) PetscCall(SNESLatinResidual_Private(snes));
   if (PetscIsInfOrNanReal(data->residual)) data->next = LATIN_NEXT_NOT_FINITE;
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
@@ -235,11 +258,11 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
   PetscCall(SNESLatinDiagnose_Private(snes));
   if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
   if (data->next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) < PetscMin(snes->max_its, snes->iter + 1)) snes->reason = SNES_DIVERGED_FUNCTION_COUNT;
-  if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* it is not what ended the solve */
+  if (data->next == LATIN_NEXT_ROUNDING && data->estimate.floor <= data->target) data->estimate.floor = 0.0; /* rounding did not end the solve */
   PetscFunctionReturn(0);
 }
 
-/* Forgets what a structure has borrowed of a solve that an error has ended */
+/* Removes from a structure the borrowed data of a solve that an error has ended */
 static void LatinForget(LatinStructure structure)
 {
   if (!structure) return;
@@ -253,7 +276,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  snes->reason = SNES_CONVERGED_ITERATING; /* the same */
+  snes->reason = SNES_CONVERGED_ITERATING; /* as in the set-up */
   ierr         = SNESLatinSolve_Private(snes);
   if (ierr) {
     LatinForget(data->latin->sub.structure);
@@ -273,7 +296,7 @@ static PetscErrorCode SNESReset_Latin(SNES snes)
   PetscFunctionBegin;
   if (data->latin) PetscCall(LatinReset_Private(data->latin));
   PetscCall(SNESLatinResetState_Private(snes));
-  PetscCall(PetscFree(data->large.ahead)); /* left where an error has ended a solve */
+  PetscCall(PetscFree(data->large.ahead)); /* remains after an error */
   PetscFunctionReturn(0);
 }
 
