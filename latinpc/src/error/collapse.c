@@ -1,27 +1,28 @@
 #include "error/latinerror.h"
 
 /*
-   Do the loads exceed the limit load? Statically admissible tensions balance the loads, B^t tau = F, between the bounds of the laws:
-   cables only pull, and a link that yields bears no more than its yield tension. On a displacement d they do the work tau.B d = F.d, so that
-   F.d is at most D(d), the sum over links of the elongation times the bound on that side (upper bound theorem of limit analysis). A link
-   without a bound there must not stretch: it resists at any amplitude. By the lemma of J. Farkas admissible tensions exist if and only if
-   F.d <= D(d) for all such d. If F.d > D(d) there is no equilibrium: the structure collapses along d. Without links that yield D = 0, and
-   d is a mechanism. Stiffnesses, gaps and prestress do not matter.
+   Search for a collapse: whether the loads exceed the limit load. Statically admissible tensions balance the loads, B^t tau = F, between the bounds
+   of the laws: cables only pull, and a link that yields bears no more than its yield tension. On a displacement d they do the work tau.B d = F.d, so
+   F.d is at most D(d), the sum over links of the elongation times the bound on that side (upper bound theorem of limit analysis). A link without a
+   bound there must not stretch: it resists at any amplitude. By the lemma of J. Farkas admissible tensions exist if and only if F.d <= D(d) for all
+   such d. If F.d > D(d), the structure collapses along d. Without links that yield D = 0, and d is a mechanism. Stiffnesses, gaps and prestress do
+   not matter.
 
-   d minimises |B d|^2 / 2 + D(d) - F.d: it is the one nearest to the displacement of the reference structure, whose links are all bars of
-   one stiffness. d = 0 if and only if there is an equilibrium. The method of error/primaldual.c computes it, with R = 1 and c = 0.
-
-   By rounding, d stretches the links that resist by some v. An equilibrium has F.d <= D(d) + |tau| |v|, so that its tensions are at least
-   (F.d - D(d)) / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof.
+   1. d minimises |B d|^2 / 2 + D(d) - F.d: it is nearest to the displacement of the reference structure, whose links are all bars of one stiffness. d
+      = 0 if and only if there is an equilibrium. The method of error/primaldual.c computes d, with R = 1 and c = 0.
+   2. By rounding, d stretches the links that resist by some v. An equilibrium has F.d <= D(d) + |tau| |v|, so its tensions are at least (F.d - D(d))
+      / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof that there is none.
 */
 
-#define LATIN_COLLAPSE_STEPS                60                            /* most steps */
-#define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4) /* initial compliance of a link that resists, relative to the reference structure; at 100 times as much some large networks do not converge */
-#define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0                         /* times that after a failed solve: the operator is singular to rounding */
-#define LATIN_COLLAPSE_START                10.0                          /* initial tensions and elongations at bounds, relative to the reference tensions: steps are short with smaller ones */
-#define LATIN_COLLAPSE_ROUNDING             8.0                           /* times eps, of the largest displacement: rounding of an elongation */
+#define LATIN_COLLAPSE_STEPS 60 /* most steps */
+/* initial compliance of links that resist, relative to the reference structure; at 100 times as much some large networks do not converge */
+#define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4)
+#define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0 /* factor on it after a failed solve: the operator is singular to rounding */
+/* initial tensions and elongations at bounds, relative to the reference tensions; with smaller ones steps are short */
+#define LATIN_COLLAPSE_START    10.0
+#define LATIN_COLLAPSE_ROUNDING 8.0 /* times eps and the largest displacement: rounding of an elongation */
 
-/* Initial point: scales the loads f, and the bounds with them, to tensions of norm 1 in the reference structure; sets t, s and y. Collective */
+/* Computes the initial point: scales the loads f, and the bounds with them, to tensions of norm 1 in the reference structure; sets t, s and y. Collective */
 static PetscErrorCode LatinCollapseStart_Private(LatinPrimalDual *c, PetscBool *failed)
 {
   PetscScalar work;
@@ -52,10 +53,13 @@ static PetscErrorCode LatinCollapseStart_Private(LatinPrimalDual *c, PetscBool *
   PetscFunctionReturn(0);
 }
 
-/* *proof: the loads do more work on d than the bounds of the tensions allow; *held: d = 0 to tolerance, there is an equilibrium. Collective */
+/*
+   Tests the point. *proof: the loads do more work on d than the bounds of the tensions allow; *held: d = 0 to tolerance, so there is an equilibrium.
+   Collective
+*/
 static PetscErrorCode LatinCollapseProof_Private(LatinPrimalDual *c, PetscInt step, PetscBool *proof, PetscBool *held)
 {
-  PetscReal   sum[4] = {0.0, 0.0, 0.0, 0.0}, beyond, most; /* squared elongations: those that links resist, all; work of the tensions at their bounds, what is too little beside it or its rounding */
+  PetscReal   sum[4] = {0.0, 0.0, 0.0, 0.0}, beyond, most; /* squared elongations that links resist, and all; work of tensions at bounds, its uncertainty */
   PetscScalar push;
 
   PetscFunctionBegin;
@@ -80,7 +84,7 @@ static PetscErrorCode LatinCollapseProof_Private(LatinPrimalDual *c, PetscInt st
   PetscFunctionReturn(0);
 }
 
-/* Interior-point steps to a proof or an equilibrium. bears: NULL, or [n], set to statically admissible tensions if *held. Collective */
+/* Takes interior-point steps to a proof or an equilibrium. bears: NULL, or [n], set to statically admissible tensions if *held. Collective */
 static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
 {
   PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
@@ -101,9 +105,15 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most
 }
 
 /*
-   Sets the verdict LATIN_UNBOUNDED if it proves that there is no equilibrium; else *found is unchanged. `ksp` solves with A, a tangent
-   stiffness of LatinTangentCreate_Private(), whose values it overwrites. `more`: an additional load, or NULL; most: linear iterations. *steps and *stages: number of
-   factorisations and of linear iterations. *held: statically admissible tensions exist; bears: NULL, or [links_local], these tensions, of links that do not yield.
+   Sets the verdict LATIN_UNBOUNDED if there is provably no equilibrium; else *found is unchanged.
+
+     ksp:            solves with A, a tangent stiffness of LatinTangentCreate_Private(), whose values are overwritten
+     more:           an additional load, or NULL
+     most:           most linear iterations
+     steps, stages:  number of factorisations and of linear iterations
+     held:           statically admissible tensions exist
+     bears:          NULL, or [links_local], these tensions of links that do not yield
+
    Collective on structure
 */
 PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscInt most, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)

@@ -10,10 +10,10 @@
    rounding. So r is orthogonal to them to rounding, whatever their condition.
 */
 
-#define LATIN_CONE_SPAN     PETSC_SQRT_MACHINE_EPSILON    /* a row is dependent on the basis if less of it is orthogonal to that */
+#define LATIN_CONE_SPAN     PETSC_SQRT_MACHINE_EPSILON    /* a row depends on the basis if less than this part of it is orthogonal to that */
 #define LATIN_CONE_RESIDUAL LatinByPrecision(1e-9, 1e-4)  /* residual, relative to the load, that counts as zero */
-#define LATIN_CONE_SIGN     (1e3 * PETSC_MACHINE_EPSILON) /* of the load: rounding of the residual along a row */
-#define LATIN_CONE_CHANGES  4                             /* most changes of the basis, times the links; without rounding the method is finite */
+#define LATIN_CONE_SIGN     (1e3 * PETSC_MACHINE_EPSILON) /* rounding of the residual along a row, relative to the load */
+#define LATIN_CONE_CHANGES  4                             /* most changes of the basis per link; without rounding the method is finite */
 
 static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b[])
 {
@@ -23,7 +23,7 @@ static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b
   return sum;
 }
 
-/* Orthogonalises b against the basis. part: NULL, or [basis], the coefficients are added to it */
+/* Orthogonalises b against the basis. part: NULL, or [basis], to which the coefficients are added */
 static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal part[])
 {
   for (PetscInt k = 0; k < c->basis; k++) {
@@ -34,7 +34,7 @@ static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal par
   }
 }
 
-/* Adds link l to the basis; false if its row depends on those of the basis */
+/* Adds link l to the basis. Returns false if its row depends on those of the basis */
 static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
 {
   const PetscInt n = c->n, k = c->basis;
@@ -58,7 +58,7 @@ static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
   return PETSC_TRUE;
 }
 
-/* t: least-squares tensions of the basis, by back substitution, [basis] */
+/* Computes the least-squares tensions t of the basis, [basis], by back substitution */
 static void LatinConeTensions(const LatinCone *c, PetscReal t[])
 {
   for (PetscInt k = c->basis - 1; k >= 0; k--) {
@@ -68,7 +68,7 @@ static void LatinConeTensions(const LatinCone *c, PetscReal t[])
   }
 }
 
-/* Drops unilateral links without tension from the basis; adds those behind the first of them again */
+/* Drops unilateral links without tension from the basis, and orthogonalises those behind the first of them again */
 static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
 {
   const PetscInt before = c->basis;
@@ -89,7 +89,7 @@ static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
   }
 }
 
-/* Moves the tensions of the basis towards the least-squares ones, until one of a unilateral link becomes zero: false then */
+/* Moves the tensions of the basis towards the least-squares ones. Returns false if the tension of a unilateral link becomes zero on the way */
 static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
 {
   PetscReal length = 1.0;
@@ -108,7 +108,7 @@ static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
   return (PetscBool)(stop < 0);
 }
 
-/* The unilateral link with the greatest elongation along r, above `least`; -1: none */
+/* Returns the unilateral link with the greatest elongation along r, above `least`; -1: none */
 static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt both, PetscReal least)
 {
   PetscInt best = -1;
@@ -125,7 +125,10 @@ static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt bot
   return best;
 }
 
-/* c->r = residual of the load f, borne by `links` links with rows c->row, the first `both` of them bilateral. *bears: r = 0 to rounding, or no convergence */
+/*
+   Computes the residual c->r of the load f, borne by `links` links with rows c->row, the first `both` of them bilateral. *bears: r = 0 to rounding,
+   or no convergence
+*/
 void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears)
 {
   const PetscReal size = PetscSqrtReal(LatinConeDot(n, f, f));

@@ -1,37 +1,37 @@
 #include "error/latinerror.h"
 
 /*
-   Verdict on displacements u: are they an equilibrium? Small steps of the iteration prove little. The state may creep: at a node whose
-   load is small relative to the search directions of its slack links, or with rigid links whose tensions grow without bound; and a
-   structure without equilibrium moves more and more slowly relative to its displacements. The unbalance r = B^t tau(u) - F
-   (error/nodalbalance.c) bounds the error:
+   Verdict on displacements u: whether they are an equilibrium. Small steps of the iteration prove little. The state may creep: at a node whose load
+   is small beside the search directions of its slack links, or with rigid links whose tensions grow without bound; and a structure without
+   equilibrium moves more and more slowly relative to its displacements. The unbalance r = B^t tau(u) - F (error/nodalbalance.c) bounds the error:
 
-   - row sums: with D the row sums of the stiffness, K <= D, the energy error is at least |D^-1/2 r|, the l2 error about |D^-1 r|;
-   - nearly straight links: the node between them is far softer along its displacement than D, and r moves it further. Rounding of the
-     directions of tensions does so too if prestress holds the node: this is reported as `blur`, not as an error;
-   - masses: in a motion masses alone may hold the structure, and M / h^2 is soft relative to links. For the translations t of all
-     free displacements, and for t = u, t.r = t.K e with the error e, so that |e| >= |t.r| / |K t|;
+   - row sums: with D the row sums of the stiffness, K <= D, so the energy error is at least |D^-1/2 r|, the l2 error about |D^-1 r|;
+   - nearly straight links: the node between them is far softer along its displacement than D, and r moves it further. Rounding of the directions of
+     tensions does so as well if prestress holds the node: reported as `blur`, not as an error;
+   - masses: in a motion masses alone may hold the structure, and M / h^2 is soft relative to links. For the translations t of all free displacements,
+     and for t = u, t.r = t.K e with the error e, so that |e| >= |t.r| / |K t|;
    - gaps: a closed rigid link that misses its gap by g has an error of u of at least g / sqrt(2);
-   - rest: a motion that comes to rest has no displacements to be relative to. Masses only stiffen the nodes, so D^-1 bounds the
-     displacements due to rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their
-     weight, and in the l2 norm, and that of missed gaps, the step is accurate to rounding (`still`);
-   - unheld nodes: where the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
-   - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and
-     loads, independent of units and stiffnesses.
+   - rest: a motion that comes to rest has no displacements as a measure. Masses only stiffen the nodes, so D^-1 bounds the displacements due to
+     rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their weight, and in the l2 norm, and that of
+     missed gaps, the step is accurate to rounding (`at_rest`);
+   - unheld nodes: if the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
+   - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and loads, independent of units
+     and stiffnesses.
 */
 
-#define LATIN_FORCE_NOISE  8.0                          /* times eps, of the forces at a node: rounding of their sum */
-#define LATIN_FORCE_FACTOR 10.0                         /* safety factor on the error by row sums; with it, on structures of all kinds, that is at most 0.06 of a target that has been met */
-#define LATIN_UNHELD       0.5                          /* a node is unheld if its unbalance exceeds this part of its forces; entities are listed if they exceed this part of the largest one */
-#define LATIN_WORK_LEFT    0.5                          /* largest r.u of an equilibrium, relative to the works: about 0 at a solution of any accuracy, 1 in free fall */
-#define LATIN_WORK_CANCELS 0.03                         /* weight of the absolute works of each link and load in these works: a prestress whose work cancels leaves rounding */
-#define LATIN_GAP_NONE     1e3                          /* times eps, of tau / l: displacements of links without gaps that count as zero */
-#define LATIN_POINT        64.0                         /* times eps, of the size of the structure: displacements below the rounding of coordinates */
+#define LATIN_FORCE_NOISE  8.0  /* times eps and the forces at a node: rounding of their sum */
+#define LATIN_FORCE_FACTOR 10.0 /* safety factor on the error by row sums; with it that error is at most 0.06 of a reached target, on structures of all kinds */
+/* a node is unheld if its unbalance exceeds this part of its forces; nodes are listed if they move by more than this part of the largest motion */
+#define LATIN_UNHELD       0.5
+#define LATIN_WORK_LEFT    0.5                          /* largest r.u of an equilibrium, relative to the works: 0 at solutions, 1 in free fall */
+#define LATIN_WORK_CANCELS 0.03                         /* weight of absolute works of links and loads in these works: a self-stress leaves rounding */
+#define LATIN_GAP_NONE     1e3                          /* times eps and tau / l: displacements of links without gaps that count as zero */
+#define LATIN_POINT        64.0                         /* times eps and the size of the structure: displacements below the rounding of coordinates */
 #define LATIN_GAP_POINT    4.0                          /* the same for gaps and prescribed displacements */
 #define LATIN_SOFT         LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
-#define LATIN_PUSH         1e-9                         /* of the loads: their rounding along a step */
+#define LATIN_PUSH         1e-9                         /* rounding of the loads along a step, relative to the loads */
 #define LATIN_LOAD_LEFT    0.1                          /* least part of the loads along a mechanism that tensions do not balance */
-#define LATIN_JAM_STAGES   100                          /* damped linear stages after which growing tensions are a self-stress; 25 find every jam tried, 6 do not */
+#define LATIN_JAM_STAGES   100                          /* damped linear stages after which growing tensions are a self-stress; 25 find all jams tried */
 
 /* Sums over nodes */
 typedef struct {
@@ -44,7 +44,7 @@ typedef struct {
   PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
-/* size: diagonal of the bounding box of the nodes; prescribed: largest prescribed displacement, or NULL. Collective on structure */
+/* Computes size, the diagonal of the bounding box of the nodes, and the largest prescribed displacement (or NULL). Collective on structure */
 PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size, PetscReal *prescribed)
 {
   const PetscInt dim = structure->dim;
@@ -65,7 +65,7 @@ PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *s
   PetscFunctionReturn(0);
 }
 
-/* least: l2 norm of displacements below the rounding of coordinates; in a motion, of the initial strains of the step. Collective on structure */
+/* Computes the l2 norm of displacements below the rounding of coordinates; in a motion, of the initial strains of the step. Collective on structure */
 PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal *least)
 {
   PetscReal size = 0.0, prescribed;
@@ -79,7 +79,10 @@ PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal
   PetscFunctionReturn(0);
 }
 
-/* *far: u exceeds the size of the structure, the prescribed displacements and, in statics, the gaps together. As the theory is of small displacements, few solutions do, and only these need a proof. Collective on structure */
+/*
+   Finds whether u is larger than the structure, the prescribed displacements and, in statics, all gaps together. Few solutions are, in a theory of
+   small displacements; only these need a proof. Collective on structure
+*/
 PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, PetscBool *far)
 {
   PetscReal size, prescribed, most, gaps = 0.0;
@@ -87,14 +90,14 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionBegin;
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (!structure->ground && LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]); /* infinite in a step where a link is not active */
+    if (!structure->ground && LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]); /* infinite in a step in which a link is not active */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &gaps, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   *far = (PetscBool)(most > PetscMax(size, PetscMax(prescribed, gaps)));
   PetscFunctionReturn(0);
 }
 
-/* total: count on all ranks of nodes or links; list: the LATIN_LISTED lowest of them, from `mine` of each rank. Collective on comm */
+/* Lists nodes or links. total: count on all ranks; list: the LATIN_LISTED lowest numbers, from `mine` of each rank. Collective on comm */
 static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
 {
   PetscMPIInt ranks;
@@ -114,13 +117,13 @@ static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt 
 
 /* Unheld nodes */
 typedef struct {
-  PetscInt  count, least[LATIN_LISTED]; /* on this rank; lowest numbers */
-  PetscInt  more[2];                    /* number of those that no link stops, and of those whose load is below rounding */
+  PetscInt  count, least[LATIN_LISTED]; /* number on this rank; lowest global numbers */
+  PetscInt  more[2];                    /* number of those that no link stops, and of those with a load below rounding */
   PetscReal sum;                        /* squared distances to where links stop them */
-  PetscReal rounding[2];                /* of the largest load: smaller ones are none; of the largest displacement */
+  PetscReal rounding[2];                /* rounding of the largest load, below which loads count as zero; of the largest displacement */
 } LatinUnheld;
 
-/* Adds a node to `unheld` if nothing holds it, and a load moves it */
+/* Adds a node to `unheld` if nothing holds it and a load moves it */
 static void LatinUnheldNode(const LatinNode *at, PetscInt dim, PetscInt number, LatinUnheld *unheld)
 {
   PetscReal push = 0.0, load = 0.0, noise = PetscMax(LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps, unheld->rounding[0]);
@@ -162,7 +165,7 @@ static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, La
   PetscFunctionReturn(0);
 }
 
-/* Adds component c of a node; rounding: of the largest displacement */
+/* Adds component c of a node. rounding: that of the largest displacement */
 static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, PetscReal rounding, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
@@ -172,7 +175,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->hidden += noise * noise;
   sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
-  sum->bearing += c ? 0.0 : PetscSqr(PetscMax(at->bearing, rounding * at->stiffness[c])); /* nothing may bear */
+  sum->bearing += c ? 0.0 : PetscSqr(PetscMax(at->bearing, rounding * at->stiffness[c])); /* at least rounding, as no link may bear */
   if (stiff > 0.0) {
     sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
     sum->hides[0] += noise * noise / stiff;
@@ -182,7 +185,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->u[1] += PetscSqr(at->u[c]);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
-  sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* the two cancel at a mass in flight */
+  sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* both cancel at a mass in flight */
   sum->moved[c] += at->r[c];
   sum->noise[c] += noise;
   for (PetscInt d = 0; d < dim; d++) sum->stiff[d] += PetscSqr(at->translation[3 * d + c] + (c == d ? ground : 0.0));
@@ -192,8 +195,8 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
 }
 
 /*
-   Adds the error of a node along its displacement: the unbalance beyond rounding over the stiffness of its taut links, unless a
-   link whose state is uncertain blocks that way. Between nearly straight links the node is softer than its row sums by orders of magnitude
+   Adds the error of a node along its displacement: the unbalance beyond rounding over the stiffness of its taut links, unless a link of uncertain
+   state blocks that way. Between nearly straight links a node is softer than its row sums by orders of magnitude
 */
 static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, LatinNodalSums *sum)
 {
@@ -227,7 +230,10 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
 
-/* missed: greatest distance by which rigid links miss their gaps; 0 if displacements are rounding, and so are the gaps or what is missed of them. norm: l2 norm of u; still: as in LatinEquilibrium. Collective */
+/*
+   Computes the greatest distance by which rigid links miss their gaps; 0 if displacements are rounding, and the gaps or the distances as well. norm:
+   l2 norm of u; still: a motion at rest. Collective
+*/
 static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal target, PetscBool still, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
@@ -239,7 +245,8 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
-  if (structure->ground) { /* a time step has neither gaps nor coordinates to compare with: closed links; supports alone jam them, and tensions without bound then hide what they miss */
+  /* a time step has closed links only, no gaps or coordinates to compare with. If supports alone jam them, unbounded tensions hide the distance */
+  if (structure->ground) {
     if (!still || (prescribed > LATIN_GAP_POINT * size && balance->gap > target * prescribed)) *missed = balance->gap;
     PetscFunctionReturn(0);
   }
@@ -251,8 +258,8 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
 }
 
 /*
-   The verdict on displacements u with the unbalance r: are they an equilibrium to a relative error of `target`, in the energy or the
-   l2 norm? `more`: an additional load, or NULL; `rests`: the iteration stagnates at rounding. Collective on structure
+   Judges displacements u with the unbalance r: whether they are an equilibrium to a relative error of `target`, in the energy or the l2 norm. more:
+   an additional load, or NULL; rests: the iteration stagnates at rounding. Collective on structure
 */
 PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *found)
 {
@@ -279,11 +286,13 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(LatinGapError_Private(&balance, u, size, target, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
 
-  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum.error <= sum.hides[energy ? 0 : 1]) sum.error = 0.0; /* less than rounding moves it */
+  /* the unbalance moves it by less than rounding */
+  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum.error <= sum.hides[energy ? 0 : 1]) sum.error = 0.0;
   found->balanced = (PetscBool)(sum.error == 0.0);
   found->left     = PetscSqrtReal(sum.left);
   if (!(sum.load > 0.0) && far) PetscCall(LatinStructureDrawn_Private(structure, &drawn));
-  if (sum.load > 0.0 || far) found->rounding = PetscSqrtReal(LatinRatio(sum.hidden, sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PetscSqr(drawn)))); /* where tensions as drawn have moved it, none may be left */
+  /* after a motion due to tensions as drawn none may be left */
+  if (sum.load > 0.0 || far) found->rounding = PetscSqrtReal(LatinRatio(sum.hidden, sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PetscSqr(drawn))));
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum.left, sum.load > 0.0 ? sum.load : sum.bearing));
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
@@ -322,7 +331,7 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
     PetscReal size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
-    if (!(size > 0.0) || size < LATIN_UNHELD * most) continue; /* clamped nodes: even if `most` is 0 */
+    if (!(size > 0.0) || size < LATIN_UNHELD * most) continue; /* clamped nodes, also if `most` is 0 */
     if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
     count++;
   }
@@ -334,9 +343,9 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
 }
 
 /*
-   Is a Newton step a mechanism: no link resists it at any amplitude, and the loads do work on it? Then the energy is unbounded below, and
-   the verdict is LATIN_UNBOUNDED, with the nodes that move; else *found is unchanged. A link that resists once its gap has
-   closed, or that bears the loads before it yields, is not part of a mechanism. r: unbalance after the step. Collective on structure
+   Tests whether a Newton step is a mechanism: no link resists it at any amplitude, and the loads do work on it. Then the energy is unbounded below,
+   and the verdict is LATIN_UNBOUNDED, with the nodes that move; else *found is unchanged. A link that resists once its gap has closed, or that bears
+   the loads before it yields, is not part of a mechanism. r: unbalance after the step. Collective on structure
 */
 PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
 {
@@ -354,27 +363,29 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   PetscCall(VecNorm(structure->load, NORM_2, &load));
   if (more) PetscCall(VecNorm(more, NORM_2, &beside));
   if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
-  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0);                    /* -step is the motion; an unheld node without load moves by rounding alone */
-  if (-PetscRealPart(pushed + other) - borne <= -LATIN_LOAD_LEFT * PetscRealPart(pushed + other)) PetscFunctionReturn(0); /* links that will yield bear the loads before they do */
+  /* -step is the motion; an unheld node without load moves by rounding only */
+  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0);
+  /* links that will yield bear the loads before */
+  if (-PetscRealPart(pushed + other) - borne <= -LATIN_LOAD_LEFT * PetscRealPart(pushed + other)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
   PetscFunctionReturn(0);
 }
 
 /*
-   Jammed rigid links: no kinematically admissible displacement exists. The tensions of jammed links grow without bound, by the same
-   self-stress dtau from one stage of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0. All admissible
-   strains x have dtau . x = dtau . (e0 + B u) <= 0 [J. Farkas]. If dtau . e0 > 0, by more than B^t dtau can balance on
-   displacements of the size of the structure or of u there are none. The verdict is LATIN_JAMMED then; else *found is
-   unchanged.
+   Tests for jammed rigid links: no kinematically admissible displacement exists. Their tensions grow without bound, by the same self-stress dtau from
+   one stage of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0. All admissible strains x have dtau . x = dtau . (e0
+   + B u) <= 0 [J. Farkas]. So there are none if dtau . e0 > 0 by more than B^t dtau can balance on displacements of the size of the structure or of
+   u. Then the verdict is LATIN_JAMMED; else *found is unchanged.
 
-   `stays`: the gaps missed stay the same whatever the stiffness of the links: the work alone suffices, unless a tension decreases,
-   which ends at zero.
-   dtau: [links_local] increments; those of elastic links, and of the sign that the law does not admit, are set to zero.
+     stays: the missed gaps do not depend on the stiffness of the links; then the work alone suffices, unless a tension decreases, which ends at zero
+     dtau:  [links_local] increments; sets those of elastic links, and of the sign that the law does not admit, to zero
+
    Collective on structure
 */
 PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x; /* work on gaps and prescribed displacements, sum of absolute works; largest increase and decrease of tensions */
+  /* work on gaps and prescribed displacements, sum of absolute works; largest increase and decrease of tensions */
+  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x;
   PetscInt  mine[LATIN_LISTED], count    = 0;
   Vec       forces;
 
@@ -382,9 +393,10 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(DMGetGlobalVector(structure->dm, &forces));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* e0 and prescribed displacements alone */
+  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* e0 and prescribed displacements only */
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT ? sign * dtau[l] : 0.0; /* friction bars no displacement */
+    /* friction prevents no displacement */
+    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT ? sign * dtau[l] : 0.0;
 
     dtau[l] = sign * PetscMax(0.0, grows);
     sum[0] += dtau[l] * x[l];
@@ -412,7 +424,10 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscFunctionReturn(0);
 }
 
-/* Before a solve: supports must not jam rigid links between them. The verdict is LATIN_JAMMED in a time step, which may fail; else it is an error. Collective on structure */
+/*
+   Checks before a solve that supports do not jam rigid links between them: an error, but in a time step, which may fail, the verdict LATIN_JAMMED.
+   Collective on structure
+*/
 PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure structure, LatinEquilibrium *found)
 {
   PetscInt jam[LATIN_LISTED];
@@ -426,8 +441,8 @@ PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure structure, LatinEquil
 }
 
 /*
-   Runs damped stages from the initial state and tests their last increment of tensions for a jam: the verdict is LATIN_JAMMED then, else
-   *found is unchanged. z and work: states, overwritten. Overwrites linear.U; restores the tensions of rigid links. Collective on latin
+   Runs damped stages from the initial state, and tests their last increment of tensions for a jam: verdict LATIN_JAMMED, else *found is unchanged. z,
+   work: states, overwritten. Overwrites linear.U; restores the tensions of rigid links. Collective on latin
 */
 PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, LatinEquilibrium *found)
 {

@@ -20,21 +20,23 @@
    degree of freedom in its subdomain, so that they do not depend on the number of ranks.
 */
 
-#define LATIN_ESTIMATE_ROWS   256  /* entries of a sketch: distances to 1 / sqrt(2 ROWS), 4 % */
-#define LATIN_ESTIMATE_BITS   9    /* random bits of a degree of freedom: its entry, of 2^8, and its sign */
+#define LATIN_ESTIMATE_ROWS   256  /* entries of a sketch; distances are accurate to 1 / sqrt(2 ROWS), 4 % */
+#define LATIN_ESTIMATE_BITS   9    /* random bits per degree of freedom: its entry, of 2^8, and its sign */
 #define LATIN_ESTIMATE_SHARE  6    /* degrees of freedom that share a hash of 64 bits */
-#define LATIN_ESTIMATE_WINDOW 64   /* most iterates stored: even, as half of them are dropped when it is full */
+#define LATIN_ESTIMATE_WINDOW 64   /* most iterates stored; even, as half of them are dropped when it is full */
 #define LATIN_ESTIMATE_STEP   4    /* least number of iterates between those of the extrapolation */
 #define LATIN_ESTIMATE_RATE   0.98 /* upper bound of the rate of the extrapolation */
-#define LATIN_ESTIMATE_NOISE  64.0 /* times eps, of the displacements at the ends of a link times its search parameter: rounding of its tension */
-#define LATIN_ESTIMATE_FIRST  3    /* iterates before the first estimate; one more with rigid links, or a warm start with a slow mode in its error seems converged */
-#define LATIN_ESTIMATE_EARLY  10.0 /* safety factor of the first iterates, 1 + 10 / iterates, as their window is short */
+#define LATIN_ESTIMATE_NOISE  64.0 /* times eps, the displacements of the ends of a link and its search parameter: rounding of its tension */
+/* iterates before the first estimate; one more with rigid links, else a warm start whose error has a slow mode seems converged */
+#define LATIN_ESTIMATE_FIRST 3
+#define LATIN_ESTIMATE_EARLY 10.0 /* safety factor of the first iterates is 1 + this / iterates, as their window is short */
 
-#define LATIN_ESTIMATE_MOVING 10.0 /* safety factor of motions with rigid links, whose unbalance is not checked: masses are soft springs, slow modes that appear late */
+/* safety factor of motions with rigid links, whose unbalance is not checked: masses are soft springs, whose slow modes appear late */
+#define LATIN_ESTIMATE_MOVING 10.0
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Fields with an estimate each: displacements, and with rigid links tensions, which displacements do not determine */
+/* Returns the number of fields with an estimate: displacements, and with rigid links tensions, which displacements do not determine */
 static inline PetscInt LatinEstimateFields(Latin latin)
 {
   return latin->sub.structure->rigid_law < 0 ? 1 : 2;
@@ -58,20 +60,20 @@ PetscErrorCode LatinEstimateStart_Private(Latin latin, LatinEstimate *estimate)
   PetscFunctionReturn(0);
 }
 
-/* Adds v to the entry of a sketch, with the sign, given by random bits, and v^2 to the squared norm behind the sketch */
+/* Adds v to the entry of a sketch and with the sign given by random bits, and v^2 to the squared norm behind the sketch */
 static inline void LatinEstimateAdd(PetscReal sketch[], uint64_t bits, PetscReal v)
 {
   sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? v : -v;
   sketch[LATIN_ESTIMATE_ROWS] += v * v;
 }
 
-/* Hash of a place in a subdomain */
+/* Returns the hash of a place in a subdomain */
 static inline uint64_t LatinEstimateBits(PetscInt subdomain, PetscInt place)
 {
   return LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)place) >> 1;
 }
 
-/* Adds the displacements of this rank to a sketch; what struts take from the stiffness across them, in geometry prestress, counts as if they added it */
+/* Adds the displacements of this rank to a sketch. Negative stiffness across struts, in geometry prestress, counts as positive */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -89,7 +91,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
   }
 }
 
-/* The same for the tensions, if there are rigid links; behind the norm is the squared rounding of the tensions */
+/* Adds the tensions to a sketch, if there are rigid links; behind the norm is their squared rounding */
 static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -108,7 +110,10 @@ static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
   }
 }
 
-/* Sets estimate->floor, the rounding error of the displacements. Without loads and strains beyond rounding, supports have moved the structure as a rigid body: no digits are lost. Collective on latin */
+/*
+   Computes estimate->floor, the rounding error of the displacements. Without loads and with strains below rounding, supports have moved the structure
+   as a rigid body: no digits are lost. Collective on latin
+*/
 PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
 {
   const LatinSubdomains *sub    = &latin->sub;
@@ -141,13 +146,13 @@ PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
   PetscFunctionReturn(0);
 }
 
-/* Distance of the stages of the stored iterate i, behind its sketches */
+/* Returns the distance of the stages of the stored iterate i, stored behind its sketches */
 static inline PetscReal LatinEstimateDistance(const LatinEstimate *estimate, PetscInt i)
 {
   return estimate->sketch[(i + 1) * estimate->width - 1];
 }
 
-/* Distance of a field between two stored iterates */
+/* Returns the distance of a field between two stored iterates */
 static PetscReal LatinEstimateFar(const LatinEstimate *estimate, PetscInt field, PetscInt i, PetscInt j)
 {
   const PetscReal *a = estimate->sketch + i * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1), *b = a + (j - i) * estimate->width;
@@ -157,7 +162,7 @@ static PetscReal LatinEstimateFar(const LatinEstimate *estimate, PetscInt field,
   return PetscSqrtReal(sum);
 }
 
-/* The estimated error of a field of the last stored iterate, relative */
+/* Returns the estimated relative error of a field of the last stored iterate */
 static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt field)
 {
   const PetscInt  last = estimate->stored - 1, first = last / 2;
@@ -166,7 +171,7 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
   const PetscReal noise = field ? PetscSqrtReal(estimate->sketch[(last + 1) * estimate->width - 2]) : 0.0;
   PetscReal       worst = 0.0, error, before, now, rate;
 
-  if (field && norm <= noise) return 0.0; /* tensions are all rounding */
+  if (field && norm <= noise) return 0.0; /* tensions are rounding only */
   for (PetscInt i = first; i < last; i++) {
     if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, (LatinEstimateFar(estimate, field, i, last) - noise) / LatinEstimateDistance(estimate, i));
   }
@@ -178,7 +183,7 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
     if (LatinEstimateDistance(estimate, last - step) > 0.0) rate = PetscMax(rate, LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - step));
     rate  = PetscMin(rate, LATIN_ESTIMATE_RATE);
     error = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
-  } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates for that: the rate of the distance of the stages instead */
+  } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates to extrapolate: by the rate of the distance of the stages */
     rate = PetscMin(LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - 1), LATIN_ESTIMATE_RATE);
     error /= 1.0 - rate;
   }

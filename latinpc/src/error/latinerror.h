@@ -1,17 +1,18 @@
-/*
-   The error of displacements: estimates, bounds, proofs of equilibrium or of none. Floor 9: above the core, below the
-   solvers.
-*/
+/* Error of displacements: estimates, bounds, proofs of equilibrium or of none. */
 #ifndef LATINERROR_H
 #define LATINERROR_H
 
 #include "core/latinimpl.h"
 
 /*
-   Relative rounding error of a displacement field, in the l2 and in the energy norm. The rounding of nodal forces is random, eps times the
-   tensions of links if each end moved alone. The error of the displacements that it causes grows with the square root of the ratio of the energy
-   of links whose ends move alone, sum of k (n u)^2, to their energy: the effective condition number of this field. Measured: eps times 0.3 to 4 times
-   the root on grids of 12 to 200 modules and on lattices.
+   Relative rounding error of a displacement field, in the l2 and in the energy norm.
+
+     ends:   energy of links whose ends move alone, sum of k (n u)^2
+     stored: energy of the links
+
+   The rounding of nodal forces is random: eps times the tensions that links would have if each end moved alone. The error of the displacements that
+   it causes grows with the square root of ends / stored, the effective condition number of this field. Measured: eps times 0.3 to 4 times the root on
+   grids of 12 to 200 modules and on lattices.
 */
 static inline PetscReal LatinRounding(PetscReal ends, PetscReal stored)
 {
@@ -20,19 +21,19 @@ static inline PetscReal LatinRounding(PetscReal ends, PetscReal stored)
 
 /* ---- estimated error of the displacements (error/estimate.c) ---- */
 typedef struct {
-  PetscBool  energy;   /* in the energy norm, not the l2 norm */
+  PetscBool  energy;   /* error in the energy norm, not in the l2 norm */
   PetscInt   count;    /* iterates of this solve */
   PetscInt   stride;   /* every stride-th iterate is stored */
   PetscInt   stored;   /* iterates stored */
-  PetscInt   width;    /* numbers stored of each: sketches of its fields with their squared norms, noise of tensions, distance of its stages */
+  PetscInt   width;    /* numbers stored per iterate: sketches of its fields with their squared norms, noise of tensions, distance of its stages */
   PetscReal *sketch;   /* [window][width] */
-  PetscReal *part;     /* [width] work: sum over this rank */
-  PetscReal  ratio[2]; /* of the errors of the fields to the distance of the stages, at the last iterate stored */
+  PetscReal *part;     /* [width] work array: sums of this rank */
+  PetscReal  ratio[2]; /* errors of the fields relative to the distance of the stages, at the last stored iterate */
   PetscReal  tensions; /* estimated relative error of the tensions of the last iterate or of the solution; -1: unknown */
-  PetscReal  strict;   /* tolerance of the displacements over that of the tensions */
+  PetscReal  strict;   /* ratio of the tolerances of displacements and tensions */
   PetscReal  value;    /* estimated relative error of the last iterate: the larger one of displacements and of tensions times `strict` */
   PetscReal  floor;    /* rounding error of the displacements */
-  PetscBool  rounding; /* the floor is above the target and has been reached */
+  PetscBool  rounding; /* rounding prevents the target: the floor is above it and has been reached */
 } LatinEstimate;
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
@@ -41,22 +42,22 @@ PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target,
 /* ---- forces and their rounding at the nodes (error/nodalbalance.c) ---- */
 /* Sums over the links at a node, of all ranks; reals only: they are sent as one message */
 typedef struct {
-  PetscReal vertices;       /* of the DM at this node, on all ranks */
+  PetscReal vertices;       /* vertices of the DM at this node, on all ranks */
   PetscReal u[3], r[3];     /* free displacements, unbalance B^t tau(u) - F */
   PetscReal load[3];        /* loads */
   PetscReal ground[3];      /* springs to the ground */
   PetscReal stiffness[3];   /* row sums of |B|^t k |B|, at least those of the tangent stiffness */
-  PetscReal rounding[3];    /* times eps: rounding of the forces */
+  PetscReal rounding[3];    /* rounding of the forces, over eps */
   PetscReal translation[9]; /* upper bounds of |K t_c|, t_c the translation of all free displacements; in motions */
   PetscReal tangent[3];     /* |K u| of links that certainly bear; in motions */
   PetscReal tension;        /* sum of |tau| */
   PetscReal rigid[3];       /* sum of the forces of rigid links: their self-stress, which is arbitrary, cancels */
   PetscReal bearing;        /* sum of |tau| of elastic links, plus the norm of rigid[] */
-  PetscReal gaps;           /* times eps: rounding of the tensions, gaps included */
-  PetscReal held, hides;    /* along its displacement: twice u.K u of links that bear, work of their rounding */
-  PetscReal turns;          /* times eps: work along it of tensions with rounded directions */
-  PetscReal slack;          /* minus the work of the tensions of links whose state is uncertain, to be added to r.u */
-  PetscReal closed[2];      /* number of such links that its displacement, and its opposite, would strain */
+  PetscReal gaps;           /* rounding of the tensions, gaps included, over eps */
+  PetscReal held, hides;    /* along the displacement of the node: twice u.K u of links that bear; work of their rounding */
+  PetscReal turns;          /* work of tensions with rounded directions along it, over eps */
+  PetscReal slack;          /* minus the work of links whose state is uncertain, to be added to r.u */
+  PetscReal closed[2];      /* number of such links strained by the displacement of the node; by its opposite */
   PetscReal resistance;     /* 1 / displacement of the node at which its links balance r */
 } LatinNode;
 
@@ -72,11 +73,11 @@ typedef struct {
 typedef void                LatinNodeVisit(const LatinNode *, PetscInt number, void *ctx); /* number: global */
 PETSC_INTERN PetscErrorCode LatinNodalBalance_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodeVisit *, void *ctx, LatinNodalBalance *);
 
-/* ---- are displacements an equilibrium? (error/equilibrium.c) ---- */
-#define LATIN_LISTED 8 /* nodes, or links, that are named */
+/* ---- whether displacements are an equilibrium (error/equilibrium.c) ---- */
+#define LATIN_LISTED 8 /* most nodes, or links, listed */
 typedef enum {
   LATIN_EQUILIBRIUM,    /* the error shown by the unbalance is below the target */
-  LATIN_NOT_YET,        /* it is above the target */
+  LATIN_NOT_YET,        /* the error shown by the unbalance is above the target */
   LATIN_BELOW_ROUNDING, /* the same, and rounding prevents a better solution */
   LATIN_UNBOUNDED,      /* no equilibrium: loads move `nodes` without bound, or the structure as a mechanism (no node) */
   LATIN_JAMMED          /* no equilibrium: no displacement satisfies the gaps of the rigid `links` together */
@@ -85,19 +86,19 @@ typedef enum {
 typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* lower bound of the relative error of the displacements */
-  PetscReal    blur;               /* relative error of the displacements by rounded directions of tensions */
-  PetscReal    unbalance;          /* beyond rounding, l2 norm, relative to the loads, or if there are none, to the tensions */
-  PetscReal    left;               /* the same as a force */
+  PetscReal    blur;               /* relative error of the displacements due to rounded directions of tensions */
+  PetscReal    unbalance;          /* unbalance beyond rounding, l2 norm, relative to the loads, or without loads to the tensions */
+  PetscReal    left;               /* the same, a force */
   PetscReal    rounding;           /* upper bound of the rounding of the unbalance, relative to the loads */
   PetscReal    forces;             /* unbalance with rounding, relative to the forces of links and loads at nodes: relative error of the tensions */
   PetscReal    missed;             /* error by missed gaps of rigid links and by unheld nodes, relative to the l2 norm of the displacements */
-  PetscBool    balanced;           /* the unbalance is all rounding */
+  PetscBool    balanced;           /* the unbalance is rounding only */
   PetscBool    at_rest;            /* a motion at rest: rounding of the forces moves the structure by more than the target error */
   PetscInt     nodes;              /* unheld nodes, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* the lowest of their global numbers */
-  PetscReal    distance;           /* length by which they move until a link stops them */
+  PetscReal    distance;           /* distance by which they move until a link stops them */
   PetscInt     hidden;             /* unheld nodes whose loads are below the rounding of the forces there */
-  PetscInt     links;              /* rigid links that are jammed, on all ranks */
+  PetscInt     links;              /* jammed rigid links, on all ranks */
   PetscInt     link[LATIN_LISTED];
 } LatinEquilibrium;
 PETSC_INTERN PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure, PetscReal *least);
@@ -110,32 +111,37 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure, LatinEq
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
 
-/* ---- is there none? (error/loosenodes.c, error/loosepatches.c, error/collapse.c) ---- */
-#define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* times the tensions of bars: tensions of an equilibrium that rounding would destroy */
+/* ---- proofs that there is no equilibrium (error/loosenodes.c, error/loosepatches.c, error/collapse.c) ---- */
+#define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* tensions of an equilibrium that rounding would destroy, relative to those of bars */
 #define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4) /* elongations of d that count as zero, relative to those of bars */
 
-/* May it be proved that there is none? A time step always has a solution, contacts with friction have no energy (see LatinConesCreate_Private()), and proofs are of directions as drawn */
+/*
+   Whether a proof of no equilibrium is possible. Not in time steps, which always have a solution, nor for contacts with friction, which have no
+   energy (see LatinConesCreate_Private()), nor for turning links, as proofs are for directions as drawn
+*/
 static inline PetscBool LatinCollapseMay(const LatinStructure structure)
 {
   return (PetscBool) !(structure->ground || structure->rubs || structure->span);
 }
 
 /*
-   Does d prove that loads have no equilibrium? push: their work F.d, the loads scaled to tensions of norm 1 if all links are bars;
-   resisted, all: squared elongations that links resist, and all; beside: the largest load of the structure, in the same scale, since its tensions
-   may pass through the same links
+   Whether d proves that loads have no equilibrium.
+
+     push:          work of the loads F.d, loads scaled to tensions of norm 1 if all links are bars
+     resisted, all: squared elongations that links resist, and all
+     beside:        largest load of the structure, in the same scale, whose tensions may pass through the same links
 */
 static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal beside, PetscReal resisted, PetscReal all)
 {
   return (PetscBool)(push > LATIN_COLLAPSE_HELD * PetscSqrtReal(all) && push > LATIN_COLLAPSE_TENSION * PetscMax(1.0, beside) * PetscSqrtReal(resisted));
 }
 
-/* Links that resist never, in tension, in compression (unilateral), in both (bilateral) */
+/* Elongations that a link resists: none, lengthening, shortening (unilateral), both (bilateral) */
 enum { LATIN_WAY_NONE, LATIN_WAY_TRACTION, LATIN_WAY_COMPRESSION, LATIN_WAY_BOTH };
 
 /*
-   Tensions between which those of a link stay, whatever its elongation: -infinity and infinity where it resists, else what it yields at. Parts across
-   a strut, bars with negative stiffness in geometry prestress, do not yield: they may balance any force
+   Computes the bounds of the tension of link l at any elongation: -infinity or infinity where it resists, else its yield tension. Parts across a
+   strut, bars with negative stiffness in geometry prestress, count as resisting: they may balance any force
 */
 static inline void LatinLinkBounds(const LatinStructure structure, PetscInt l, PetscReal bound[2])
 {
@@ -149,7 +155,7 @@ static inline void LatinLinkBounds(const LatinStructure structure, PetscInt l, P
   }
 }
 
-/* LATIN_WAY_ in which a link resists large elongations. *bears: it has tension without stiffness there, as one that yields */
+/* Returns the LATIN_WAY_ in which link l resists large elongations. *bears: it has a constant tension there, as a link that yields */
 static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, PetscBool *bears)
 {
   PetscInt  way = LATIN_WAY_NONE;
@@ -165,19 +171,19 @@ static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, 
 }
 
 /* ---- interior-point method for tensions between bounds (error/primaldual.c) ---- */
-/* A bound on the tension of a link: the lower one, side 0, or the upper one */
+/* Bound on the tension of a link: the lower one, side 0, or the upper one */
 typedef struct {
-  PetscReal bound; /* infinite where the link resists */
-  PetscReal y, s;  /* distance of the tension from it; elongation while the tension is there: one of both vanishes */
+  PetscReal bound; /* infinite if the link resists */
+  PetscReal y, s;  /* distance of the tension from the bound; elongation at the bound. One of both vanishes */
   PetscReal ds, rhs;
 } LatinBound;
 
-/* A contact with friction: S, its steps, and its tangent stiffness (error/slip.c) */
+/* Contact with friction: S, its steps, and its tangent stiffness (error/slip.c) */
 typedef struct {
-  PetscInt  link;        /* its normal part */
+  PetscInt  link;        /* number of its normal part */
   PetscReal S[3], dS[3]; /* rate of slip or opening, minus the tangential elongations */
-  PetscReal rhs;         /* of X.S */
-  PetscReal push;        /* what slip opens it by, while pushes settle */
+  PetscReal rhs;         /* right-hand side of X.S */
+  PetscReal push;        /* opening by slip, while pushes settle */
   PetscReal inverse[4], tangent[9];
 } LatinSlip;
 
@@ -187,33 +193,33 @@ typedef struct {
   Mat            A;              /* B^t (R + W) B; with friction assembled, and not symmetric */
   Vec            f, d;           /* loads; displacements */
   Vec            r, dd;          /* unbalance; step of d */
-  PetscInt       n;              /* links here */
-  PetscReal      count;          /* finite bounds, and contacts that may slip, on all ranks */
-  PetscReal      scale;          /* of the loads */
+  PetscInt       n;              /* links of this rank */
+  PetscReal      count;          /* finite bounds and contacts that may slip, on all ranks */
+  PetscReal      scale;          /* factor on the loads */
   PetscReal      reference;      /* R */
-  PetscReal      regularisation; /* initial compliance of a link that resists, besides c */
+  PetscReal      regularisation; /* initial compliance of links that resist, besides c */
   PetscReal      floor;          /* least W in A */
-  PetscReal      unbalance;      /* relative to the initial one */
-  PetscReal      length;         /* of the last step */
-  PetscReal      mean;           /* complementarity product of a bound or a contact */
-  PetscReal      least;          /* mean product that steps aim at, at least */
+  PetscReal      unbalance;      /* unbalance relative to the initial one */
+  PetscReal      length;         /* length of the last step */
+  PetscReal      mean;           /* mean complementarity product of a bound or a contact */
+  PetscReal      least;          /* least mean product that steps aim at */
   PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
-  PetscInt       turns;   /* of the remedies in snes/coulomb.c: a lift where it is odd */
-  PetscBool      settles; /* do pushes of contacts settle? */
-  PetscReal      aim;     /* mean product of a step while they do */
-  PetscReal      change;  /* what they miss, relative to them, after the last step */
+  PetscInt       turns;   /* remedies used in snes/coulomb.c; odd: a lift was the last */
+  PetscBool      settles; /* pushes of contacts settle */
+  PetscReal      aim;     /* target of the mean product while pushes settle */
+  PetscReal      change;  /* relative change of the pushes by the last step */
   PetscReal     *x, *dx;  /* [n] elongations, their steps */
   PetscReal     *t, *dt;  /* [n] tensions */
   PetscReal     *w, *rhs; /* [n] weights of links; work */
   PetscReal     *give;    /* [n] c */
   LatinBound (*side)[2];  /* [n] */
-  PetscInt   slips;       /* contacts with friction here */
+  PetscInt   slips;       /* contacts with friction of this rank */
   LatinSlip *slip;        /* [slips] */
 } LatinPrimalDual;
 
-/* Does link l follow a table or a law of the user, linearised in each step? With friction alone: else the tensions at which links yield are bounds */
+/* Whether link l follows a table or a law of the user, linearised in each step. With friction only; else yield tensions are bounds */
 static inline PetscBool LatinPrimalDualFollows(const LatinPrimalDual *c, PetscInt l)
 {
   return (PetscBool)(c->structure->rubs && c->structure->law[l] > LATIN_LAW_TANGENT);
@@ -224,25 +230,25 @@ static inline PetscReal LatinBoundSign(PetscInt side)
   return side ? -1.0 : 1.0;
 }
 
-/* Has a link no tension in a time step, open at its start? Its gap is no number to calculate with */
+/* Whether link l has no tension in a time step, open at its start: its gap is infinite */
 static inline PetscBool LatinPrimalDualOpen(const LatinPrimalDual *c, PetscInt l)
 {
   return (PetscBool)(LatinLaws[c->structure->law[l]].rigid && PetscAbsReal(c->structure->e0[l]) > LATIN_FAR);
 }
 
-/* May a contact slip: is link l the normal part of one with a coefficient of friction, and not open? */
+/* Whether link l is the normal part of a contact that may slip: it has friction and is not open */
 static inline PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
 {
   return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1 && !LatinPrimalDualOpen(c, l));
 }
 
-/* Is link l the normal part of a contact that is one cone, as while pushes settle? */
+/* Whether link l is the normal part of a contact that is one cone, as while pushes settle */
 static inline PetscBool LatinSlipWhole(const LatinPrimalDual *c, PetscInt l)
 {
   return (PetscBool)(c->settles && LatinSlipMay(c, l));
 }
 
-/* The side of a link, NULL if it has no bound there, if its tension is constant, or of a cone */
+/* Returns the bound on a side of link l. NULL: none there, the tension is constant, or it is that of a cone */
 static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
 {
   return LatinSlipWhole(c, l) || PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
@@ -284,7 +290,7 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure, Vec more, LatinEquilibrium *);
 
-/* Raises the estimate to the error shown by the unbalance: the estimate compares iterates, and misses the error of a state that creeps */
+/* Raises the estimate to the error shown by the unbalance: the estimate compares iterates and misses the error of a state that creeps */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)
 {
   if (found->error <= target) return;

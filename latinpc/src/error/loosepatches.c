@@ -1,34 +1,34 @@
 #include "error/latinerror.h"
 
 /*
-   Loose patches: mechanisms of a node and its neighbours, all other nodes fixed. Irregular structures without equilibrium and without
-   loose nodes have loose patches as a rule, whatever their size. A mechanism of a patch on which loads do work is one of the
-   structure: it proves that there is no equilibrium, see error/collapse.c.
+   Loose patches: mechanisms of a node and its neighbours, all other nodes fixed. Irregular structures of any size without equilibrium and without
+   loose nodes usually have loose patches. A mechanism of a patch on which loads do work is one of the structure: it proves that there is no
+   equilibrium, see error/collapse.c.
 
-   A patch has those of its nodes whose links are all on this rank; the others count as fixed.
+   A patch contains only nodes whose links are all on this rank; the others count as fixed.
 */
 
-#define LATIN_PATCH_NODES 32  /* most nodes of a patch: the time grows with the third power, and networks have at most 17 */
+#define LATIN_PATCH_NODES 32  /* most nodes of a patch; the time grows with the third power, and networks have at most 17 */
 #define LATIN_PATCH_LINKS 512 /* most links at these nodes */
 
 typedef struct {
   LatinStructure structure;
   PetscInt      *first, *at;            /* links at vertices: those of vertex v from first[v] on */
-  PetscReal     *told;                  /* [vertices][2 dim + 1] data of nodes: loads, 1 if free, links on all ranks */
-  PetscInt      *place;                 /* [vertices] in the patch, or -1 */
-  PetscBool     *has;                   /* [links_local] is in the patch */
+  PetscReal     *told;                  /* [vertices][2 dim + 1] data of nodes: loads, 1 if free, number of links on all ranks */
+  PetscInt      *place;                 /* [vertices] number in the patch, or -1 */
+  PetscBool     *has;                   /* [links_local] in the patch */
   PetscInt       vertices, links, both; /* numbers in the patch; both: bilateral links */
   PetscInt       vertex[LATIN_PATCH_NODES];
   PetscInt       link[LATIN_PATCH_LINKS]; /* bilateral links first */
   PetscInt       unknowns;
   PetscInt       unknown[3 * LATIN_PATCH_NODES]; /* number of each displacement, -1: fixed */
   PetscReal      f[3 * LATIN_PATCH_NODES];       /* loads */
-  PetscReal      largest;                        /* load of the structure */
+  PetscReal      largest;                        /* largest load of the structure */
   PetscReal     *A;                              /* stiffness if all links are bars */
   LatinCone      cone;
 } LatinPatch;
 
-/* Has this rank all links of a vertex, one at least? */
+/* Returns whether this rank has all links of a vertex, at least one */
 static inline PetscBool LatinPatchWhole(const LatinPatch *p, PetscInt v)
 {
   const PetscInt links = p->first[v + 1] - p->first[v];
@@ -36,7 +36,7 @@ static inline PetscBool LatinPatchWhole(const LatinPatch *p, PetscInt v)
   return (PetscBool)(links && links == (PetscInt)p->told[(2 * p->structure->dim + 1) * v + 2 * p->structure->dim]);
 }
 
-/* Sets the links at the vertices of this rank, and the data of their nodes. Collective on structure */
+/* Gathers the links at the vertices of this rank, and the data of their nodes. Collective on structure */
 static PetscErrorCode LatinPatchGather_Private(LatinPatch *p, Vec load)
 {
   const LatinStructure structure = p->structure;
@@ -86,7 +86,7 @@ static void LatinPatchJoin(LatinPatch *p, PetscInt v)
   }
 }
 
-/* The patch around a vertex, its unknowns and loads */
+/* Makes the patch around a vertex, its unknowns and loads */
 static void LatinPatchMake(LatinPatch *p, PetscInt centre)
 {
   const PetscInt dim = p->structure->dim;
@@ -104,7 +104,7 @@ static void LatinPatchMake(LatinPatch *p, PetscInt centre)
   }
 }
 
-/* Rows of the links, bilateral ones first, without those that never resist */
+/* Makes the rows of the links, bilateral ones first, without links that never resist */
 static void LatinPatchRows(LatinPatch *p)
 {
   const LatinStructure structure = p->structure;
@@ -131,10 +131,10 @@ static void LatinPatchRows(LatinPatch *p)
     if (!pass) p->both = count;
   }
   for (PetscInt i = 0; i < p->links; i++) p->has[p->link[i]] = PETSC_FALSE;
-  p->links = count; /* from here on: number of rows */
+  p->links = count; /* from here on the number of rows */
 }
 
-/* Is r of the cone a proof? Normalises r */
+/* Returns whether the residual r of the cone is a proof. Normalises r */
 static PetscBool LatinPatchProves(LatinPatch *p)
 {
   const PetscInt n    = p->unknowns;
@@ -171,7 +171,7 @@ static PetscBool LatinPatchProves(LatinPatch *p)
   return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), p->largest / PetscSqrtReal(tension), resisted, all));
 }
 
-/* Adds the mechanisms of loose patches, which may overlap, to move, [vertices][dim]. count: loose patches found here, at most LATIN_LISTED */
+/* Adds the mechanisms of loose patches, which may overlap, to move, [vertices][dim]. count: loose patches of this rank, at most LATIN_LISTED */
 static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], PetscInt *count)
 {
   const PetscInt dim = p->structure->dim;
@@ -240,7 +240,8 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   PetscCall(VecNorm(step, NORM_INFINITY, &p->largest));
   PetscCall(LatinPatchGather_Private(p, step));
   PetscCall(LatinPatchFind_Private(p, move, &count));
-  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM)); /* the links of a node in a patch are all on one rank: no sum over ranks */
+  /* the links of a node in a patch are all on one rank: nothing is added twice */
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureNodalVec_Private(structure, node, step));
   if (count) PetscCall(LatinEquilibriumMoved_Private(structure, step, found));

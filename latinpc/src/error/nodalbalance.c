@@ -1,14 +1,13 @@
 #include "error/latinerror.h"
 
 /*
-   Nodal balance: forces of links at each node and their rounding, the resistance of links against the unbalance, and the distances
-   by which rigid links miss their gaps. error/equilibrium.c visits the nodes one by one: all of them at once would be the
-   largest array of a solve.
+   Nodal balance: forces of links at each node and their rounding, the resistance of links against the unbalance, and the distances by which rigid
+   links miss their gaps. Nodes are passed to error/equilibrium.c one by one: all of them at once would be the largest array of a solve.
 */
 
-#define LATIN_NODAL_PIECES 8     /* pieces of the vertices, one after the other; each takes a pass over the links */
+#define LATIN_NODAL_PIECES 8     /* pieces of the vertices, processed in turn; each takes a pass over the links */
 #define LATIN_STICKS       0.999 /* a contact sticks below this part of its Coulomb limit */
-#define LATIN_GAP_NOISE    4.0   /* times eps, of the displacements and the gap of a link: rounding of its elongation */
+#define LATIN_GAP_NOISE    4.0   /* times eps, and displacements and gap of a link: rounding of its elongation */
 
 /* Local vectors: displacements, 1 at free dofs, unbalance, loads, springs to the ground */
 enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
@@ -34,7 +33,7 @@ static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionReturn(0);
 }
 
-/* Distance by which a rigid link misses its gap, beyond rounding; moved: sum of the absolute displacements of its ends along it */
+/* Returns the distance by which rigid link l misses its gap, beyond rounding. x: its strain; moved: sum of the absolute displacements of its ends along it */
 static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal moved)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -53,7 +52,7 @@ static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal 
   return PetscMax(0.0, missed - noise);
 }
 
-/* Resistance of a link to a motion of one of its ends that strains it at this rate: 1 / displacement at which it balances the force `push` */
+/* Returns the resistance of link l to a motion of one of its ends that strains it at this rate: 1 / displacement at which it balances the force `push` */
 static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal rate, PetscReal push)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -69,9 +68,13 @@ static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal
 }
 
 /*
-   Adds a link along the displacement of one of its ends; own: elongation by this displacement. If rounding hides whether the link bears, its
-   tension is not counted, and the way that would strain it is closed; a rigid link that bears or touches closes both ways. each: sum of the
-   absolute elongations by the components of the displacement; a link orthogonal to it does not hold. reach: magnitude of the numbers that are rounded
+   Adds a link along the displacement of one of its ends. If rounding hides whether the link bears, its tension does not count, and the direction that
+   would strain it is closed; a rigid link that bears or touches closes both directions.
+
+     own:   elongation by this displacement
+     each:  sum of the absolute elongations by its components; a link orthogonal to it does not hold
+     whole: sum of its absolute components
+     reach: magnitude of the rounded numbers
 */
 static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, PetscReal whole, LatinNode *at)
 {
@@ -86,12 +89,13 @@ static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tens
     if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
   } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * whole) {
     at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
-    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each; /* rounding of the elongation, and of each component of the force */
+    /* rounding of the elongation, and of each component of the force */
+    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each;
     at->turns += PetscMax(0.0, PetscAbsReal(tension) - noise * latin->sub.link_stiffness[l]) * each;
   }
 }
 
-/* Adds a link to the sums over links; moved: its elongation by the free displacements; ends: sum of the absolute displacements of its ends along it */
+/* Adds a link to the sums over links. moved: its elongation by the free displacements; ends: sum of the absolute displacements of its ends along it */
 static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, PetscReal e, PetscReal tension, PetscReal moved, PetscReal ends)
 {
   const LatinStructure structure = balance->latin->sub.structure;
@@ -108,7 +112,7 @@ static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, P
   balance->sum.bearing_gaps += PetscSqr(structure->e0[l]);
 }
 
-/* Adds a link to those of its ends that are vertices first to last - 1, and to the sums over links if its first end is; a: local vectors */
+/* Adds a link to those of its ends that are vertices first to last - 1, and to the sums over links if its first end is one of them. a: local vectors */
 static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, PetscInt first, PetscInt last, LatinNode vertex[])
 {
   const Latin          latin     = balance->latin;
@@ -117,7 +121,8 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
   const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
   const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], bears = LatinStructureTension(structure, latin->linear.rigid_tension, l, x), tension = PetscAbsReal(bears);
-  PetscReal all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k; /* moves: elongations by unit translations and by the free displacements; certain, possible: least and greatest stiffness at an error of the target */
+  /* moves: elongations by unit translations and by the free displacements; certain, possible: least and greatest stiffness at an error of the target */
+  PetscReal all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k;
 
   for (PetscInt c = 0; c < dim; c++) {
     const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
@@ -131,13 +136,14 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     const PetscReal low = LatinStructureTangent(structure, l, x - target * (e0 + ends)), high = LatinStructureTangent(structure, l, x + target * (e0 + ends));
 
     certain = PetscMin(low, high);
-    if (structure->ground) possible = PetscMax(low, high); /* free bodies have their masses alone */
+    if (structure->ground) possible = PetscMax(low, high); /* free bodies have only masses */
   } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
   if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
-    const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
-    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0, whole = 0.0; /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
-    LatinNode         *at;
+    const PetscScalar *r = a[LATIN_AT_R] + dim * to[i];
+    /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
+    PetscReal  along = 0.0, push = 0.0, own = 0.0, each = 0.0, whole = 0.0;
+    LatinNode *at;
 
     if (to[i] < first || to[i] >= last) continue;
     at = &vertex[to[i] - first];
@@ -148,7 +154,8 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       whole += PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
-      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid || structure->law[l] > LATIN_LAW_TANGENT ? tension : 0.0)); /* a gap makes no force, and is infinite if a contact is not active in a step */
+      /* a gap exerts no force, and is infinite if a contact is not active in a step */
+      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid || structure->law[l] > LATIN_LAW_TANGENT ? tension : 0.0));
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
       at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
       if (rigid) at->rigid[c] += (i ? n[c] : -n[c]) * bears;
@@ -205,7 +212,7 @@ static PetscErrorCode LatinNodalShared_Private(LatinStructure structure, const P
   PetscFunctionReturn(0);
 }
 
-/* number: global numbers of the nodes of the vertices here. Collective on structure */
+/* Sets the global numbers of the nodes of the vertices of this rank. Collective on structure */
 static PetscErrorCode LatinNodalNumbers_Private(LatinStructure structure, PetscInt number[])
 {
   PetscInt *own;
@@ -219,8 +226,8 @@ static PetscErrorCode LatinNodalNumbers_Private(LatinStructure structure, PetscI
 }
 
 /*
-   Visits each node once, on one of its ranks, for displacements u with the unbalance r. `more`: an additional load, or NULL.
-   LatinNode.tangent has the stiffness of links that bear at any relative error of u up to `target`. Collective on structure
+   Visits each node once, on one of its ranks, for displacements u with the unbalance r. more: an additional load, or NULL. LatinNode.tangent is of
+   links that bear at any relative error of u up to `target`. Collective on structure
 */
 PetscErrorCode LatinNodalBalance_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodeVisit *visit, void *ctx, LatinNodalBalance *balance)
 {

@@ -1,28 +1,30 @@
 #include "error/latinerror.h"
 
 /*
-   Tensions between bounds: the primal-dual interior-point method of S. Mehrotra for
+   Tensions between bounds, by the primal-dual interior-point method of S. Mehrotra:
 
-     B^t (t + R x) = f,   x = B d + e0 - c t,   x = sum over bounds of -sign s,   y = sign (t - bound) >= 0,   s >= 0,   s y = 0,
+     B^t (t + R x) = f,   x = B d + e0 - c t,   x = sum over bounds of -sign s,   y = sign (t - bound) >= 0,   s >= 0,   s y = 0.
 
-   with two unknowns at each bound on the tension t of a link: its distance y from the bound, and the elongation s that the link has there. c: compliance
-   of the link; R: stiffness of bars beside all links. The number of steps hardly depends on the size of the structure; a step takes one factorisation of
-   B^t (R + W) B and two solves, W > 0: no link holds up the others, and no node is loose. Tensions are regularised [M. P. Friedlander, D. Orban]: this bounds W
-   and does not change the solution.
+   Each bound on the tension t of a link has two unknowns: the distance y of t from the bound, and the elongation s of the link at the bound. c:
+   compliance of the link; R: stiffness of bars beside all links. The number of steps hardly depends on the size of the structure. A step takes one
+   factorisation of B^t (R + W) B with W > 0 and two solves: no link delays the others, and no node is loose. Tensions are regularised [M. P.
+   Friedlander, D. Orban], which bounds W and does not change the solution.
+
+   A step (LatinPrimalDualIterate_Private): weights W; operator; predictor step and the mean product to aim at; corrector step; its length.
 */
 
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
-#define LATIN_PRIMAL_DUAL_POWER  3     /* of the reduction of the mean product by the predictor step: the corrector step aims at it */
-#define LATIN_SLIP_LENGTH        0.95  /* the same with friction, where the path bends, unless the mean product falls by more in the step */
-#define LATIN_SLIP_POWER         1     /* the same with friction, but after a lift */
+#define LATIN_PRIMAL_DUAL_POWER  3     /* exponent of the reduction of the mean product by the predictor step, at which the corrector step aims */
+#define LATIN_SLIP_LENGTH        0.95  /* step length with friction, where the path bends, unless the mean product falls by more in the step */
+#define LATIN_SLIP_POWER         1     /* exponent with friction, except after a lift */
 
-/* Bounds on the tensions, less the least tensions t between them: links that always pull load the structure. Their number, with contacts that may slip. Collective */
+/* Computes the bounds on the tensions relative to the least tensions t between them (links that always pull load the structure), and c->count. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
 {
   PetscFunctionBegin;
   c->count = (PetscReal)c->slips;
   for (PetscInt l = 0; l < c->n; l++) {
-    PetscReal bound[2] = {0.0, 0.0}; /* of the tangential parts of contacts, see error/slip.c, and of open links */
+    PetscReal bound[2] = {0.0, 0.0}; /* 0: tangential parts of contacts, see error/slip.c, and open links */
 
     if (LatinPrimalDualFollows(c, l)) bound[0] = -(bound[1] = INFINITY);
     else if (c->structure->law[l] != LATIN_LAW_TANGENT && !LatinPrimalDualOpen(c, l)) LatinLinkBounds(c->structure, l, bound);
@@ -34,7 +36,7 @@ static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* Vectors and arrays, zero; the bounds on the tensions. f: loads and `more`, less the least tensions; d = 0. Collective */
+/* Allocates vectors and arrays, zero, and computes the bounds on the tensions. f: loads and `more`, less the least tensions; d = 0. Collective */
 PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *c, Vec more)
 {
   const DM dm = c->structure->dm;
@@ -71,7 +73,7 @@ PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* dd = A^-1 b. Collective */
+/* Solves dd = A^-1 b. Collective */
 PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool *failed)
 {
   KSPConvergedReason reason;
@@ -88,7 +90,7 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* Adds to the diagonal of A what is rounding of it: grains that hold each other and no one else have no other stiffness near a solution. Collective */
+/* Adds to the diagonal of A its rounding: grains held only by each other have no other stiffness near a solution. Collective */
 static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
 {
   Vec diagonal;
@@ -102,7 +104,10 @@ static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* Sets A = B^t (R + W) B, which the next solve factors. With friction it is assembled, and factored here; slips: with the tangent stiffnesses of contacts. Collective */
+/*
+   Computes A = B^t (R + W) B, which the next solve factors. With friction A is assembled, and factored here. slips: with the tangent stiffnesses of
+   contacts. Collective
+*/
 PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool slips)
 {
   LatinFactorStatus status = {.ierr = 0};
@@ -124,7 +129,7 @@ PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool sli
   PetscFunctionReturn(0);
 }
 
-/* x = B d + e0 - c t; B d alone where stiffnesses do not matter. Collective */
+/* Computes x = B d + e0 - c t; only B d if stiffnesses do not matter (R > 0). Collective */
 PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *c)
 {
   PetscFunctionBegin;
@@ -134,7 +139,10 @@ PetscErrorCode LatinPrimalDualElongations_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* Predictor step, towards complementarity s y = 0; corrector step (`corrects`), towards s y = mean, with the second-order term ds dy of the predictor. Collective */
+/*
+   Computes a step: the predictor step, towards s y = 0, or the corrector step (`corrects`), towards s y = mean, with the second-order term ds dy of
+   the predictor. Collective
+*/
 static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, PetscBool *failed)
 {
   PetscFunctionBegin;
@@ -170,7 +178,7 @@ static PetscErrorCode LatinPrimalDualStep_Private(LatinPrimalDual *c, PetscBool 
   PetscFunctionReturn(0);
 }
 
-/* Mean complementarity product after a step of this length. Collective */
+/* Computes the mean complementarity product after a step of this length. Collective */
 PetscErrorCode LatinPrimalDualMean_Private(const LatinPrimalDual *c, PetscReal length, PetscReal *mean)
 {
   PetscReal sum = LatinSlipsProducts(c, length);
@@ -186,7 +194,7 @@ PetscErrorCode LatinPrimalDualMean_Private(const LatinPrimalDual *c, PetscReal l
   PetscFunctionReturn(0);
 }
 
-/* Step length: `back` times the longest step that keeps all s and y >= 0, at most 1. Collective */
+/* Computes the step length: `back` times the longest step that keeps all s and y >= 0, at most 1. Collective */
 static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscReal back, PetscReal *length)
 {
   PetscFunctionBegin;
@@ -204,20 +212,23 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Weights W of links, and tangent stiffnesses of contacts. Not collective */
+/* Computes the weights W of links and the tangent stiffnesses of contacts. Not collective */
 static void LatinPrimalDualWeights(LatinPrimalDual *c)
 {
   for (PetscInt l = 0; l < c->n; l++) {
     PetscReal give = c->give[l] + c->regularisation;
 
     for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
-    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || LatinSlipWhole(c, l) ? 0.0 : 1.0 / give; /* a tension that is constant, or of a cone */
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || LatinSlipWhole(c, l) ? 0.0 : 1.0 / give; /* the tension is constant, or that of a cone */
     if (LatinPrimalDualFollows(c, l)) c->w[l] = LatinStructureTangent(c->structure, l, c->x[l]);
   }
   LatinSlipsWeights(c);
 }
 
-/* *aim: the mean product that the corrector step aims at, after the predictor step; given where pushes settle, which takes one step. Collective */
+/*
+   Computes *aim, the mean product at which the corrector step aims, by the predictor step. While pushes settle it is given, and there is no predictor
+   step. Collective
+*/
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
   const PetscInt power = c->structure->rubs && c->turns % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
@@ -239,7 +250,7 @@ static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* An interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
+/* Takes an interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
 PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *failed)
 {
   PetscReal aim, back = LATIN_PRIMAL_DUAL_LENGTH;

@@ -24,10 +24,10 @@
    direction to K [the argument of J. Mandel, C. R. Dohrmann for balancing by constraints].
 */
 
-#define LATIN_DIGITS_RTOL    1e-4                          /* of a linear solve: an order of magnitude is enough */
-#define LATIN_DIGITS_MOST    1000                          /* iterations of a linear solve */
-#define LATIN_DIGITS_SAMPLES 3                             /* random roundings: accurate to a tenth, where an order of magnitude is enough */
-#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* stiffness of slack links, relative to the least one, so that K is not singular */
+#define LATIN_DIGITS_RTOL    1e-4                          /* rtol of a linear solve: an order of magnitude is enough */
+#define LATIN_DIGITS_MOST    1000                          /* most iterations of a linear solve */
+#define LATIN_DIGITS_SAMPLES 3                             /* samples of random roundings: accurate to a tenth, where an order of magnitude is enough */
+#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* stiffness of slack links, relative to the least one: keeps K regular */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON) /* unit roundoff */
 #define LATIN_BOUND_SPRINGS  100.0                         /* assumed upper bound of 1 + beta; at a residual of 1e-4 the bound hardly depends on it */
 
@@ -37,19 +37,22 @@ typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, 
 typedef struct {
   LatinStructure structure;
   Vec            u;
-  Vec            tangent; /* of the links, borrowed from the matrix */
+  Vec            tangent; /* tangent stiffnesses of the links, borrowed from the matrix */
   KSP            ksp;
   Vec            r, moved; /* forces, and K^-1 r */
   PetscReal     *x;        /* [vertices][dim] coordinates */
 } LatinAround;
 
-/* Random sign of a number of an entity of the whole structure, independent of the number of ranks */
+/* Returns a random sign for a number of an entity of the whole structure, independent of the number of ranks */
 static inline PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
 {
   return LatinMix(((uint64_t)entity << 8) ^ (uint64_t)number) & 1 ? 1.0 : -1.0;
 }
 
-/* Adds to f the forces by the rotation of link l under random roundings of its coordinates, with its tension tau and its tangent stiffness k; none turns a link of a direction of its own */
+/*
+   Adds to f the forces due to the rotation of link l by random rounding of its coordinates. tau: its tension, k: its tangent stiffness. None for
+   links with a direction of their own
+*/
 static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt first, const PetscScalar a[], PetscReal tau, PetscReal k, PetscScalar f[])
 {
   LatinStructure   structure = around->structure;
@@ -65,7 +68,7 @@ static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt firs
     along += n[c] * turn[c];
   }
   length = PetscSqrtReal(length);
-  for (PetscInt c = 0; c < dim; c++) { /* orthogonal to the link only: stiffness and rest length are data of their own */
+  for (PetscInt c = 0; c < dim; c++) { /* orthogonal to the link: stiffness and rest length are other data */
     turn[c] = (turn[c] - along * n[c]) / length;
     stretch += turn[c] * PetscRealPart(a[dim * end[1] + c] - a[dim * end[0] + c]);
   }
@@ -76,7 +79,7 @@ static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt firs
   }
 }
 
-/* around->r = nodal forces by random roundings of one kind. Collective on structure */
+/* Computes around->r, nodal forces due to random rounding of one kind. Collective on structure */
 static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample)
 {
   LatinStructure     structure = around->structure;
@@ -142,8 +145,9 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   PetscCall(KSPAppendOptionsPrefix(around->ksp, "latin_digits_"));
   PetscCall(KSPSetType(around->ksp, KSPCG));
   PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(around->ksp, LATIN_DIGITS_RTOL, 0.0, PETSC_MAX_REAL, LATIN_DIGITS_MOST)); /* an order of magnitude is enough; natural norm: forces of stiff links must not dominate those of soft ones */
-  PetscCall(MatSetDM(A, around->structure->dm));                                                       /* gives PC latin the structure */
+  /* natural norm: forces of stiff links must not dominate those of soft ones */
+  PetscCall(KSPSetTolerances(around->ksp, LATIN_DIGITS_RTOL, 0.0, PETSC_MAX_REAL, LATIN_DIGITS_MOST));
+  PetscCall(MatSetDM(A, around->structure->dm)); /* gives PC latin the structure */
   PetscCall(KSPSetOperators(around->ksp, A, A));
   PetscCall(KSPGetPC(around->ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
@@ -166,7 +170,7 @@ static PetscErrorCode LatinAroundDestroy_Private(LatinAround *around)
   PetscFunctionReturn(0);
 }
 
-/* moved = K^-1 r */
+/* Solves moved = K^-1 r. Collective */
 static PetscErrorCode LatinAroundSolve_Private(const LatinAround *around)
 {
   KSPConvergedReason reason;
@@ -182,7 +186,7 @@ static PetscErrorCode LatinAroundSolve_Private(const LatinAround *around)
   PetscFunctionReturn(0);
 }
 
-/* part = |K^-1 r| / |u| */
+/* Computes part = |K^-1 r| / |u|. Collective */
 static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, PetscReal *part)
 {
   PetscReal norm, size;
@@ -220,7 +224,7 @@ static PetscErrorCode LatinGetDigits_Private(SNES snes, PetscReal *unbalance, Pe
   PetscFunctionReturn(0);
 }
 
-/* Adds an upper bound of the energy norm of K^-1 r */
+/* Adds an upper bound of the energy norm of K^-1 r to *bound. Overwrites around->r. Collective */
 static PetscErrorCode LatinBoundAdd_Private(const LatinAround *around, PetscReal *bound)
 {
   PetscScalar work;

@@ -20,9 +20,9 @@
    mu |x| after each step. Where both are equal, Coulomb's law holds [G. de Saxce, Z.-Q. Feng].
 */
 
-#define LATIN_SLIP_FOLLOWS 0.5 /* part of its change by which a push follows */
+#define LATIN_SLIP_FOLLOWS 0.5 /* part of its change by which a push is updated in a step */
 
-/* Slips of the contacts here. Not collective */
+/* Allocates the slips of the contacts of this rank. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
 {
   PetscInt n = 0;
@@ -35,14 +35,14 @@ PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* X of a contact with tensions t of its links, or its change with theirs */
+/* Computes X of a contact from the tensions t of its links, or its change from theirs */
 static void LatinSlipTensions(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal t[], PetscReal X[3])
 {
   X[0] = -c->structure->friction[slip->link] * t[slip->link];
   for (PetscInt i = 1; i < c->structure->dim; i++) X[i] = t[slip->link + i];
 }
 
-/* Size of the tangential elongation of a contact */
+/* Returns the size of the tangential elongation of a contact */
 static PetscReal LatinSlipSize(const LatinPrimalDual *c, const LatinSlip *slip)
 {
   PetscReal sum = 0.0;
@@ -51,7 +51,7 @@ static PetscReal LatinSlipSize(const LatinPrimalDual *c, const LatinSlip *slip)
   return PetscSqrtReal(sum);
 }
 
-/* p o q, with the product of the cone */
+/* Computes p o q, the product of the cone */
 static void LatinSlipProduct(PetscInt dim, const PetscReal p[], const PetscReal q[], PetscReal product[])
 {
   product[0] = p[0] * q[0];
@@ -61,7 +61,7 @@ static void LatinSlipProduct(PetscInt dim, const PetscReal p[], const PetscReal 
   }
 }
 
-/* p becomes (S + r X)^-1 o p */
+/* Replaces p by (S + r X)^-1 o p, r the regularisation */
 static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal X[], PetscReal p[])
 {
   const PetscInt dim  = c->structure->dim;
@@ -77,14 +77,14 @@ static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, co
   for (PetscInt i = 1; i < dim; i++) p[i] = (p[i] - m[i] * p[0]) / m[0];
 }
 
-/* What S misses; its first component only while pushes settle */
+/* Computes the difference of S from its value by the elongations; its first component only while pushes settle */
 static void LatinSlipMissed(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal missed[3])
 {
   missed[0] = c->settles ? (c->x[slip->link] + slip->push) / c->structure->friction[slip->link] - slip->S[0] : 0.0;
   for (PetscInt i = 1; i < c->structure->dim; i++) missed[i] = -c->x[slip->link + i] - slip->S[i];
 }
 
-/* Initial point: S as far inside as the normal part, no tangential tension. Not collective */
+/* Computes the initial point: S as far inside as the normal part, no tangential tension. Not collective */
 void LatinSlipsStart(LatinPrimalDual *c)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
@@ -95,7 +95,7 @@ void LatinSlipsStart(LatinPrimalDual *c)
   }
 }
 
-/* From Newton's method to pushes that settle, or back: normal parts become those of S, or S theirs, as far inside. Not collective */
+/* Changes from Newton's method to pushes that settle, or back: S takes over from the normal parts, or they from S, equally far inside. Not collective */
 void LatinSlipsSettle(LatinPrimalDual *c, PetscBool settles)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
@@ -117,7 +117,7 @@ void LatinSlipsSettle(LatinPrimalDual *c, PetscBool settles)
   c->settles = settles;
 }
 
-/* P and z of a contact, from X and S */
+/* Computes P and z of a contact from X and S */
 static void LatinSlipParts(PetscInt dim, const PetscReal X[], const PetscReal S[], PetscReal P[4], PetscReal z[2])
 {
   const PetscInt q = dim - 1;
@@ -126,7 +126,7 @@ static void LatinSlipParts(PetscInt dim, const PetscReal X[], const PetscReal S[
   for (PetscInt i = 0; i < q; i++) z[i] = S[1 + i] - X[1 + i] * S[0] / X[0];
 }
 
-/* M^-1, and the tangent stiffness of the tangential parts: M^-1 P, and with the normal elongation M^-1 z mu w */
+/* Computes M^-1, and the tangent stiffness of the tangential parts: M^-1 P, and with the normal elongation M^-1 z mu w */
 static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
 {
   const PetscInt dim = c->structure->dim, q = dim - 1;
@@ -151,14 +151,14 @@ static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscRea
     }
 }
 
-/* The tangent stiffness of all parts while pushes settle */
+/* Computes the tangent stiffness of all parts while pushes settle */
 static void LatinSlipTangentWhole(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
 {
   const PetscInt  dim = c->structure->dim;
   const PetscReal mu  = c->structure->friction[slip->link];
 
   for (PetscInt j = 0; j < dim; j++) {
-    PetscReal change[3] = {0.0, 0.0, 0.0}, column[3]; /* of S with elongation j */
+    PetscReal change[3] = {0.0, 0.0, 0.0}, column[3]; /* change of S with elongation j */
 
     change[j] = j ? -1.0 : 1.0 / mu;
     LatinSlipProduct(dim, X, change, column);
@@ -167,7 +167,7 @@ static void LatinSlipTangentWhole(LatinPrimalDual *c, LatinSlip *slip, const Pet
   }
 }
 
-/* The tangent stiffnesses. The weights of the normal parts come first. Not collective */
+/* Computes the tangent stiffnesses, after the weights of the normal parts. Not collective */
 void LatinSlipsWeights(LatinPrimalDual *c)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
@@ -179,7 +179,10 @@ void LatinSlipsWeights(LatinPrimalDual *c)
   }
 }
 
-/* The steps of tensions at dx = 0, towards X o S = mean (1, 0), or 0 of a predictor step; corrects: with the second-order term of the last step. Those of normal parts are given, unless pushes settle. Not collective */
+/*
+   Computes the steps of tensions at dx = 0, towards X o S = mean (1, 0), or 0 in a predictor step. corrects: with the second-order term of the last
+   step. step: on entry those of normal parts, unless pushes settle. Not collective
+*/
 void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, PetscReal step[])
 {
   const PetscInt dim = c->structure->dim, q = dim - 1;
@@ -215,7 +218,7 @@ void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, Pet
   }
 }
 
-/* Steps of the tensions and of S for the elongations c->dx. Not collective */
+/* Computes the steps of the tensions and of S for the elongations c->dx. Not collective */
 void LatinSlipsEnd(LatinPrimalDual *c)
 {
   const PetscInt dim = c->structure->dim;
@@ -240,7 +243,7 @@ void LatinSlipsEnd(LatinPrimalDual *c)
   }
 }
 
-/* The longest step a that keeps v + a dv in the cone, at most `most` */
+/* Returns the longest step a, at most `most`, that keeps v + a dv in the cone */
 static PetscReal LatinSlipLongest(PetscInt dim, const PetscReal v[], const PetscReal dv[], PetscReal most)
 {
   PetscReal size = 0.0, a = PetscSqr(dv[0]), b = v[0] * dv[0], inside, root;
@@ -253,8 +256,8 @@ static PetscReal LatinSlipLongest(PetscInt dim, const PetscReal v[], const Petsc
   size   = PetscSqrtReal(size);
   inside = PetscMax(v[0] - size, PETSC_MACHINE_EPSILON * v[0]) * (v[0] + size);
   if (a >= 0.0 && b >= 0.0) return most;
-  root = PetscSqrtReal(PetscMax(PetscSqr(b) - a * inside, 0.0));          /* negative by rounding alone, for steps through the apex */
-  return PetscMin(most, b > 0.0 ? (root + b) / -a : inside / (root - b)); /* no difference of near numbers */
+  root = PetscSqrtReal(PetscMax(PetscSqr(b) - a * inside, 0.0));          /* negative by rounding only, for steps through the apex */
+  return PetscMin(most, b > 0.0 ? (root + b) / -a : inside / (root - b)); /* avoids differences of near numbers */
 }
 
 /* Shortens a step so that it keeps all X and S in their cones. Not collective */
@@ -270,7 +273,7 @@ void LatinSlipsLength(const LatinPrimalDual *c, PetscReal *length)
   }
 }
 
-/* Sum of the products X.S after a step of this length. Not collective */
+/* Returns the sum of the products X.S after a step of this length. Not collective */
 PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
 {
   PetscReal sum = 0.0;
@@ -286,7 +289,7 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
   return sum;
 }
 
-/* Takes the step of S. Pushes that settle follow the elongations after it; c->change: what they miss. Collective */
+/* Takes the step of S. Pushes that settle then follow the elongations. c->change: their relative change. Collective */
 PetscErrorCode LatinSlipsMove_Private(LatinPrimalDual *c)
 {
   PetscReal sum[2] = {0.0, 0.0};
