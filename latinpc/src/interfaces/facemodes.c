@@ -1,19 +1,25 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Local low-energy fields of subdomains without interior unknowns, as in coarse problems of substructures. The operator K of such
-   a subdomain is dense, on its interfaces. Let A and B be the blocks of both sides' operators on one interface, and v a
-   displacement there, which deluxe scaling splits between both sides.
+   Local low-energy fields of subdomains without interior unknowns, as in coarse problems of substructures. The operator K of such a subdomain is dense,
+   on its interfaces. Let A and B be the blocks of both sides' operators on one interface, and v a displacement there, which deluxe scaling splits
+   between both sides.
 
      rest of both sides fixed: the split has the energy v^t N v, N = A (A + B)^-1 B, the parallel sum of A and B;
-     rest of both sides free: the least energy is v^t P v, P^-1 = (K^-1)_ff + (K'^-1)_ff, the parallel sum of Schur complements.
+     rest of both sides free: the least energy is v^t P v, P^-1 = (K^-1)_ff + (K'^-1)_ff, P the parallel sum of Schur complements.
 
-   The preconditioner is as good as the largest lambda of N v = lambda P v is small, as in adaptive BDDC. So eigenvectors of large
-   lambda become macro, with forces N v: the fields are (A + B)^-1 N v. The eigenproblem has the size of one interface.
-   The springs of the search direction keep K regular.
+   The preconditioner is as good as the largest lambda of N v = lambda P v is small, as in adaptive BDDC. So eigenvectors of large lambda become macro,
+   with forces N v: the fields are (A + B)^-1 N v. Steps:
+
+   1. The inverse of each K, kept regular by the springs of the search direction, and its blocks on interfaces.
+   2. P^-1 of each interface, the sum of both sides' blocks.
+   3. The eigenproblem, of the size of one interface.
 */
 
-/* G: inverse of the operator of subdomain s with its springs, rows and columns of held dofs zero; NULL: it has a mechanism, which the set-up of the linear stage reports. *firm: the diagonals of operator and inverse prove that there is none */
+/*
+   Computes G, the inverse of the operator of subdomain s with its springs; rows and columns of held dofs are zero. NULL if the subdomain has a
+   mechanism, which the set-up of the linear stage reports. *firm: the diagonals of operator and inverse prove that it has none
+*/
 static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], PetscReal **G, PetscBool *firm)
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -53,7 +59,7 @@ static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, Pe
   PetscFunctionReturn(0);
 }
 
-/* C + first[f]: diagonal block of G on interface f; zero without G */
+/* Copies the diagonal block of G on each interface f to C + first[f]; zeros if G is NULL */
 static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const PetscReal G[], const size_t first[], PetscReal C[])
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -71,10 +77,12 @@ static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const
 }
 
 /*
-   Eigenvectors with lambda > least, for the LATIN_SPECTRAL_MOST largest at most: columns *first to *first + *modes of V.
+   Computes the eigenvectors with lambda > least, of the LATIN_SPECTRAL_MOST largest lambda at most: the *modes columns of V from *first on.
+
      Q NULL: A v = lambda v, V is n x PetscMin(n, LATIN_SPECTRAL_MOST)
      else:   A v = lambda P v with Q = P^-1, V is n x n; no modes if Q is not positive definite
-   A and Q, n x n, are overwritten. *bad: LAPACK did not converge
+
+   Overwrites A and Q, n x n. *bad: LAPACK did not converge
 */
 PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *first, PetscInt *modes, PetscBool *bad)
 {
@@ -99,7 +107,10 @@ PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScal
   PetscFunctionReturn(0);
 }
 
-/* The fields of interface f with lambda > least, rows weighted by sqrt(d), of length 1; Q = P^-1 is overwritten */
+/*
+   Computes the fields of interface f with lambda > least: columns of length 1, rows weighted by sqrt(d). Overwrites Q = P^-1. *bad: LAPACK did not
+   converge
+*/
 static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt f, PetscReal least, PetscScalar Q[], PetscBool *bad)
 {
   const LatinInterface  *face = &spectral->inter->interface[f];
@@ -135,7 +146,10 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fields of all interfaces here, computed by the side of the lower subdomain. The inverses are kept if they serve as local solvers. Collective on sub->object */
+/*
+   Computes the fields of all interfaces, each on the side of the lower subdomain. held[copies]: primal and prescribed dofs. Keeps the inverses in
+   spectral->inverse if they serve as local solvers. *bad: LAPACK did not converge. Collective on sub->object
+*/
 PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscReal threshold, PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;

@@ -1,20 +1,26 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Interfaces (section 3.1) and their classes, strong or weak (section 4); primal nodes, where several subdomains share one
-   displacement; and the pairs of subdomains that keep micro quantities at a node. The variants differ in
-   LatinNodePrimal_Private() and nowhere else.
+   Interfaces (section 3.1) and what the variants make of them:
+
+   1. The subdomains at each node (interfaces/sharednodes.c).
+   2. Interfaces and their classes, strong or weak (section 4).
+   3. Primal components of nodes: subdomains that share one displacement. The variants differ in LatinNodePrimal_Private() and nowhere else.
+   4. Side dofs: pairs of subdomains that keep micro quantities at a node.
+   5. Assignment of nodes to interfaces, for independent macro constraints.
+   6. Mates of side dofs; primal dofs (interfaces/primal.c).
 */
 
-#define LATIN_FRAME_POINT 16.0                          /* times machine epsilon and the largest coordinate: smaller extents are those of a point */
-#define LATIN_FRAME_FLAT  LatinByPrecision(1e-12, 1e-5) /* square of an extent, relative to the largest: smaller ones are zero, the interface is plane or a line */
+#define LATIN_FRAME_POINT 16.0 /* extent below which nodes are one point to rounding, in machine epsilons of the largest coordinate */
+/* square of an extent, relative to that of the largest, below which it is zero: extents below 1e-6 of the largest make a plane or a line */
+#define LATIN_FRAME_FLAT LatinByPrecision(1e-12, 1e-5)
 
 enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
 /*
-   The frame of an interface: centre, size and principal axes of its nodes with a free component. The interface is strong when
-   its nodes span dim - 1 directions and so can carry the affine fields of section 3.2; without coordinates, when it has
-   more nodes than there are fields. Differences of coordinates are scaled by the size: neither units nor the origin matter.
+   Computes the frame of an interface: centre, size and principal axes of its nodes with a free component. The interface is strong when its nodes span
+   dim - 1 directions and so can carry the affine fields of section 3.2; without coordinates, when it has more nodes than there are fields. Differences
+   of coordinates are scaled by the size: neither units nor the origin matter.
 */
 PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
 {
@@ -66,11 +72,11 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The interfaces of each subdomain, their nodes and their classes. Collective on sub->object */
+/* Lists the interfaces of each subdomain, their nodes and their classes. Collective on sub->object */
 static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
-  LatinKey              *pair; /* neighbour and copy: sorted by copies, that is by node numbers, both sides list their nodes in the same order */
+  LatinKey              *pair; /* neighbour and copy; copies are sorted by node number, so both sides list their nodes in the same order */
   PetscInt               total = 0, count = 0, counts[2] = {0, 0};
 
   PetscFunctionBegin;
@@ -123,7 +129,7 @@ static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Connected components of the graph of m subdomains with an edge for each pair of one class; component[j]: lowest member of the component of j */
+/* Finds the connected components of m subdomains joined by pairs of class `pairs`; component[j]: lowest member of that of j */
 static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pairs, PetscInt component[])
 {
   PetscBool changed = PETSC_TRUE;
@@ -141,12 +147,15 @@ static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pai
 }
 
 /*
-   The primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
-     none   no primal component (4.1)
-     macro  the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
-     corner one component of all subdomains of the node, if one of its interfaces is weak (4.4) or three or more subdomains
-            meet there: on irregular partitions such nodes may have strong interfaces alone; published: the same
-     primal one component at every shared node
+   Finds the primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
+
+     none       no primal component (4.1)
+     macro      the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
+     corner     one component of all subdomains of the node, if one of its interfaces is weak (4.4) or three or more subdomains meet there:
+                on irregular partitions such nodes may have strong interfaces alone
+     published  as corner
+     primal     one component at every shared node
+
    primal[j]: lowest member of the component of j, -1: none.
 */
 static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const PetscInt table[], PetscInt primal[])
@@ -169,9 +178,9 @@ static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const Pets
 }
 
 /*
-   Do the subdomains at positions i and j keep micro quantities at the node? Not inside a primal component, where the
-   displacement is continuous already (but the article keeps the springs there: `published`). A weak pair is redundant and
-   dropped if strong pairs of the node connect its two subdomains (4.1).
+   Whether the subdomains at positions i and j keep micro quantities at the node. A primal component keeps none inside, as the displacement is
+   continuous already; but `published` keeps the article's springs on strong interfaces. A weak pair is redundant and dropped if strong pairs of the
+   node connect its two subdomains (4.1).
 */
 static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const PetscInt table[], const PetscInt primal[], const PetscInt strong[], PetscInt i, PetscInt j)
 {
@@ -181,7 +190,7 @@ static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const P
   return (PetscBool)(!glued && strong[i] != strong[j]);
 }
 
-/* The class, strong or weak, of each pair of subdomains at each node. Collective on sub->object */
+/* Creates the tables *pairs of the class, strong or weak, of each pair of subdomains at each node. Collective on sub->object */
 static PetscErrorCode LatinInterfacePairs_Private(LatinInterfaces *inter, PetscInt **pairs)
 {
   PetscInt *table;
@@ -204,7 +213,10 @@ static PetscErrorCode LatinInterfacePairs_Private(LatinInterfaces *inter, PetscI
   PetscFunctionReturn(0);
 }
 
-/* The class of each copy of a node, and its primal component; primal[], strong[]: for each subdomain that shares the node, at share_offset[copy], its primal component and that by strong interfaces alone */
+/*
+   Sets the class and the primal component of each copy. primal[], strong[], by share_offset: of each subdomain at the node of a copy, its primal
+   component and its component by strong interfaces alone
+*/
 static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, const PetscInt table[], PetscInt primal[], PetscInt strong[])
 {
   const LatinSubdomains *sub = inter->sub;
@@ -232,7 +244,7 @@ static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, cons
   PetscFunctionReturn(0);
 }
 
-/* The side dofs: free dofs of interfaces that carry micro quantities. Collective on sub->object */
+/* Lists the side dofs: free dofs of interfaces that carry micro quantities. Collective on sub->object */
 static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
@@ -270,10 +282,10 @@ static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 }
 
 /*
-   Assigns each node to one interface at most; macro modes of an interface are kept only if they do not vanish on its assigned
-   nodes. A node of two subdomains is assigned to their interface, a node of more to the one of its strong interfaces with the
-   fewest nodes, a primal node to none. So the macro constraints of a subdomain are independent: the nodes assigned to an
-   interface are on no smaller strong interface (take the interfaces by decreasing size).
+   Assigns each node to one interface at most; macro modes of an interface are kept only if they do not vanish on its assigned nodes. A node is assigned
+   to the one of its strong interfaces with the fewest nodes; a node with a primal component to none. So the macro constraints of a subdomain are
+   independent: the nodes assigned to an interface are on no smaller strong interface (take the interfaces by decreasing size). Collective on
+   sub->object
 */
 static PetscErrorCode LatinInterfaceAssign_Private(LatinInterfaces *inter)
 {
@@ -315,7 +327,10 @@ static PetscErrorCode LatinInterfaceAssign_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* The mate of a side: the same component of the same node on the other side of the interface, perhaps on another rank */
+/*
+   Creates mate_sf. The mate of a side dof is the same component of the same node on the other side of the interface, perhaps on another rank.
+   Collective on sub->object
+*/
 static PetscErrorCode LatinInterfaceMates_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub  = inter->sub;
@@ -356,7 +371,7 @@ static PetscErrorCode LatinInterfaceMates_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Sets inter->condensed: no rank has a subdomain with interior unknowns. Collective on sub->object */
+/* Sets inter->condensed. Collective on sub->object */
 static PetscErrorCode LatinInterfaceCondensed_Private(LatinInterfaces *inter)
 {
   PetscFunctionBegin;
@@ -366,6 +381,7 @@ static PetscErrorCode LatinInterfaceCondensed_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
+/* Finds interfaces, side dofs and primal dofs from inter->sub and inter->variant. Collective on sub->object */
 PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *inter)
 {
   PetscFunctionBegin;

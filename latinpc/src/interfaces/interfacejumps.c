@@ -6,9 +6,10 @@
    (interfaces/spectralmodes.c) are needed.
 */
 
-#define LATIN_JUMP 30.0 /* ratio of the diagonal entries of neighbouring unknowns of the same field; twice as many misses jumps of 40: 7 iterations instead of 4 */
+/* least ratio of the diagonal entries of two coupled unknowns of one field that is a jump; with 60, jumps of 40 are missed: 7 iterations instead of 4 */
+#define LATIN_JUMP 30.0
 
-/* jumps[s]: do coefficients jump next to an interface of subdomain s, on its side? */
+/* Sets jumps[s]: whether coefficients jump next to an interface of subdomain s, on its side */
 PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[])
 {
   const LatinSubdomains *sub = inter->sub;
@@ -32,7 +33,7 @@ PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[
   PetscFunctionReturn(0);
 }
 
-/* jumps[f]: do coefficients jump next to any interface of one of the two subdomains of f? Collective on inter->sub->object */
+/* Sets jumps[f]: whether coefficients jump next to any interface of one of the two subdomains of f. Collective on inter->sub->object */
 PetscErrorCode LatinJumpsFaces_Private(const LatinInterfaces *inter, PetscBool jumps[])
 {
   PetscBool *here;

@@ -9,12 +9,17 @@
    This bounds the eigenvalues of the matrices relative to that diagonal from below.
 */
 
-#define LATIN_STIFFNESS_FLOOR 0.01                          /* foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_SIDES 0.05                          /* the same of PC latin, on interfaces alone: CG takes a quarter fewer iterations than with LATIN_STIFFNESS_FLOOR */
-#define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs of almost no stiffness */
-#define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump but which have no such dofs; also the foundation of PC latin elsewhere */
+#define LATIN_STIFFNESS_FLOOR 0.01 /* foundation, relative to the diagonal of B^t k B; half or twice as much costs 2 to 5 iterations */
+#define LATIN_STIFFNESS_SIDES 0.05 /* the same of PC latin, on interfaces alone: CG takes a quarter fewer iterations than with LATIN_STIFFNESS_FLOOR */
+/* least diagonal entry, relative to the mean of the subdomain, for dofs of almost no stiffness; it only has to be positive */
+#define LATIN_STIFFNESS_LEAST 0.1
+/*
+   the same for matrices, which have no such dofs and whose coefficients may jump by 1e10; also the foundation of PC latin off the interfaces, and
+   everywhere if no subdomain has an interior
+*/
+#define LATIN_STIFFNESS_TINY LatinByPrecision(1e-10, 1e-5)
 
-/* spring[]: the foundation of the subdomains. Collective on sub->object. */
+/* Computes the foundation spring[copies * bs] of the subdomains. Collective on sub->object. */
 static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, PetscReal spring[])
 {
   const LatinSubdomains *sub    = dir->sub;
@@ -41,7 +46,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
         n++;
       }
     mean /= PetscMax(n, 1);
-    if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
+    if (!(mean > 0.0)) mean = fallback; /* the subdomain has no stiffness, as when all its links are slack */
     for (PetscInt i = first; i < last; i++) {
       const PetscReal floor = !sub->preconditions ? LATIN_STIFFNESS_FLOOR : sub->multiplicity[i / bs] > 1 && !LatinDirectionCondensed(dir) ? LATIN_STIFFNESS_SIDES : LATIN_STIFFNESS_TINY;
 
@@ -51,7 +56,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
   PetscFunctionReturn(0);
 }
 
-/* S: block of K at the side dofs of one interface; work space at[row], -1 before and after */
+/* Copies the block of K at the side dofs of one interface to S. at[rows of the subdomain]: work, -1 before and after */
 static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K, const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
   const PetscInt rows = face->side_last - face->side_first, top = dir->sub->bs * dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
@@ -64,7 +69,7 @@ static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
-/* The same for a subdomain without interior, foundation included */
+/* The same for a subdomain without interior, from its operator, foundation included */
 static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spring[], const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
   const PetscInt rows = face->side_last - face->side_first, top = dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
@@ -75,7 +80,10 @@ static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spri
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
-/* S + first[f]: Schur complements on the interfaces of one subdomain, from the inverse F (gamma x gamma) of its Schur complement on all of them */
+/*
+   Computes the Schur complements S + first[f] on each interface of subdomain s from F, the inverse (gamma x gamma) of that on all of them together;
+   at[row]: position of a row in F. *bad: one is not positive definite
+*/
 static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -98,7 +106,7 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* Stores the Schur complement F of subdomain s for its local low-energy fields */
+/* Stores the Schur complement F (gamma x gamma, rows kept[]) of subdomain s for its local low-energy fields */
 static PetscErrorCode LatinSchurStore_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscInt kept[], const PetscReal F[])
 {
   LatinSchur *schur = &dir->schur[s];
@@ -120,7 +128,10 @@ PetscErrorCode LatinSchurReset_Private(LatinDirections *dir)
   PetscFunctionReturn(0);
 }
 
-/* The number of rows that the Schur complement keeps of n subdomains with one operator: rows kept[], increasing, at[row] their positions; at[row] = -1 before */
+/*
+   Lists the rows that the Schur complement of n subdomains with one operator keeps: on an interface of any of them or, if Schur complements are stored,
+   primal. Returns their number; kept[]: the rows, increasing; at[row]: their positions, -1 before
+*/
 static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const PetscInt list[], PetscInt at[], PetscInt kept[])
 {
   const LatinSubdomains *sub   = dir->sub;
@@ -143,9 +154,9 @@ static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const
 }
 
 /*
-   The Schur complements on the interfaces of n subdomains list[] with the same operator. Rows on an interface of any of them are
-   kept, the others are eliminated once, and the rest is dense: so equal sides of different subdomains get equal bits.
-   The foundation of the kept rows is added after the elimination.
+   Computes the Schur complements on the interfaces of n subdomains list[] with the same operator. Rows on an interface of any of them are kept, the
+   others are eliminated once, and the rest is dense: so equal sides of different subdomains get equal bits. The foundation of the kept rows, which is
+   set to zero in spring[], is added after the elimination. at[]: work, -1 before and after. *bad: a matrix is not positive definite
 */
 static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
@@ -191,8 +202,9 @@ static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, Pe
 }
 
 /*
-   S + first[f]: stiffness of its own subdomain at each interface side with matrices[f], column-major, stored once for equal
-   subdomains. blocks: diagonal blocks of B^t k B, else Schur complements. The caller frees S. Collective on sub->object.
+   Computes *S + first[f], the stiffness of its own subdomain at each interface side with matrices[f], column-major, stored once for equal subdomains.
+   blocks: diagonal blocks of B^t k B, else Schur complements. The caller frees *S. Sets dir->like, and dir->schur if low-energy fields may use it.
+   Collective on sub->object.
 */
 PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S)
 {

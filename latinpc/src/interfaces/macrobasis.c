@@ -1,19 +1,19 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Macro bases of the strong interfaces, section 3.2: affine displacement fields over the principal plane of the
-   interface, or rigid motions, restricted to its side degrees of freedom and made orthonormal in the search direction, R^t d R = 1.
+   Macro bases of the strong interfaces, section 3.2: affine displacement fields over the principal plane of the interface, or rigid motions, restricted
+   to its side dofs and made orthonormal in the search direction, R^t D R = 1.
 
-   The macro constraints of a subdomain must be independent, or its condensed operator is singular. On an irregular
-   partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So combinations
-   of modes are kept only if they do not vanish on the nodes assigned to the interface, see
-   LatinInterfaceAssign_Private().
+   The macro constraints of a subdomain must be independent, or its condensed operator is singular. On an irregular partition the interfaces of a
+   subdomain share nodes, and primal nodes carry constraints of their own. So combinations of modes are kept only if they do not vanish on the nodes
+   assigned to the interface, see LatinInterfaceAssign_Private().
 */
 
-#define LATIN_MODE_RANK    LatinByPrecision(1e-6, 1e-4) /* singular values below this fraction of the largest are dependent modes */
-#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept if at least this part of its norm is on the nodes assigned to the interface */
+#define LATIN_MODE_RANK LatinByPrecision(1e-6, 1e-4) /* least singular value of independent modes, relative to the largest */
+/* least part of the norm of a mode on the nodes assigned to the interface; any value from 6e-5 to 0.016 keeps the same modes */
+#define LATIN_MODE_VISIBLE 1e-3
 
-/* Most modes of LatinMacroModes_Private(); in 3D 9 fields and 2 rotations */
+/* Returns an upper bound of the number of modes of LatinMacroModes_Private() */
 static inline PetscInt LatinMacroModesMost(LatinMacro *macro)
 {
   const LatinSubdomains *sub = macro->sub;
@@ -21,7 +21,7 @@ static inline PetscInt LatinMacroModesMost(LatinMacro *macro)
   return sub->fields * PetscMax(sub->dim, 1) + PetscMax(sub->fields, sub->dim) + sub->nears;
 }
 
-/* Most columns of the basis of interface f */
+/* Returns an upper bound of the number of columns of the basis of interface f */
 static inline PetscInt LatinMacroWidth(LatinMacro *macro, PetscInt f)
 {
   return LatinMacroModesMost(macro) + (macro->spectral->count ? macro->spectral->count[f] : 0);
@@ -47,11 +47,13 @@ static PetscErrorCode LatinMacroNears_Private(const LatinMacro *macro, const Lat
 }
 
 /*
-   Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode].
-     affine  the fields of section 3.2, components x (1, xi, eta). If the nodes are not in one plane, zeta e_xi and
-             zeta e_eta are added: without them the fields contain no rotation about the axes of the principal plane, and a
-             rigid-body motion of a floating subdomain has micro energy. For fields that are no displacement, zeta of each is added.
+   Computes the modes at the side dofs of an interface, M[row + rows * mode], *modes of them, rows weighted by sqrt(d).
+
+     affine  the fields of section 3.2, components x (1, xi, eta). If the nodes are not in one plane, zeta e_xi and zeta e_eta are added: without them the
+             fields contain no rotation about the axes of the principal plane, and a rigid-body motion of a floating subdomain has micro energy. For fields
+             that are no displacement, zeta of each is added.
      rigid   translations and rotations only: a smaller coarse problem
+
    The near null space of a matrix follows; with type rigid it replaces the rigid-body modes.
 */
 static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
@@ -100,10 +102,12 @@ static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInte
 }
 
 /*
-   The basis of one interface, column-major in M:
-     1. SVD of the modes on the side dofs: independent fields, orthonormal in d;
-     2. completed by local low-energy fields, if any (interfaces/spectralmodes.c);
-     3. SVD of the rows of assigned nodes: combinations that do not vanish there (singular values are cosines, from 0 to 1).
+   Builds the basis of interface f, column-major in M. Sets its number of modes and adds to macro->spectral_global. F: work.
+
+   1. SVD of the modes on the side dofs: independent fields, orthonormal in d;
+   2. completed by local low-energy fields, if any (interfaces/spectralmodes.c);
+   3. SVD of the rows of assigned nodes: combinations that do not vanish there (singular values are cosines, from 0 to 1).
+
    Orthogonal combinations of an orthonormal basis are orthonormal: the scaling of modes does not matter.
 */
 static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, PetscScalar M[], PetscScalar F[])
@@ -142,15 +146,15 @@ static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, Pet
   PetscFunctionReturn(0);
 }
 
-/* Does this side build the basis of the interface? That of the lower subdomain does */
+/* Whether this side builds the basis of the interface: that of the lower subdomain does */
 static inline PetscBool LatinMacroBuilds(LatinMacro *macro, const LatinInterface *face)
 {
   return (PetscBool)(face->strong && macro->sub->first + face->sub < face->neighbour && face->side_last > face->side_first);
 }
 
 /*
-   pattern[f]: the first interface built here with the same basis as f. A basis depends on the weighted fields, on D and
-   on the nodes assigned to the interface; bases with local low-energy fields are not compared.
+   Sets pattern[f] to the first interface built here with the same basis as f. A basis depends on the weighted fields, on D and on the nodes assigned to
+   the interface; bases with local low-energy fields are not compared.
 */
 static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt pattern[])
 {
@@ -181,7 +185,7 @@ static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt patt
   PetscFunctionReturn(0);
 }
 
-/* mine[f]: the bases that this side builds, column-major, equal ones once, in *built, which the caller frees. Their modes are numbered from 0 on this rank */
+/* Builds the bases mine[f] of this side, column-major, equal ones once, in *built, which the caller frees. Their modes are numbered from 0 on this rank */
 static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, const PetscReal *mine[], PetscScalar *built[])
 {
   const LatinInterfaces *inter = macro->inter;
@@ -223,7 +227,10 @@ static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, const PetscReal
   PetscFunctionReturn(0);
 }
 
-/* Gathers the bases of all sides, column-major: those built here, mine[f]; the others, and the numbers of their modes, come from the mates. Collective on sub->object */
+/*
+   Gathers the bases of all sides in macro->basis, column-major: mine[f] of those built here; the others, and the numbers of their modes, come from the
+   mates. Collective on sub->object
+*/
 static PetscErrorCode LatinMacroCollect_Private(LatinMacro *macro, const PetscReal *const mine[])
 {
   const LatinInterfaces *inter = macro->inter;
@@ -259,8 +266,8 @@ static PetscErrorCode LatinMacroCollect_Private(LatinMacro *macro, const PetscRe
 }
 
 /*
-   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both. So they agree to the bit
-   even if principal axes are not unique. Call LatinMacroShare_Private() afterwards. Collective on sub->object
+   Computes the macro bases. The side of the lower subdomain builds a basis and numbers its modes; the other side receives both. So they agree to the
+   bit even if principal axes are not unique. Call LatinMacroShare_Private() afterwards. Collective on sub->object
 */
 PetscErrorCode LatinMacroSetUp(LatinMacro *macro)
 {
@@ -288,10 +295,7 @@ PetscErrorCode LatinMacroSetUp(LatinMacro *macro)
   PetscFunctionReturn(0);
 }
 
-/*
-   Makes the bases row-major and computes D R. Equal subdomains, pattern[s] the first of them, share one copy, which stays
-   in cache.
-*/
+/* Makes the bases row-major and computes D R. Equal subdomains, pattern[s] the first of them, share one copy, which stays in cache. */
 PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern[])
 {
   const LatinInterfaces *inter = macro->inter;
@@ -332,7 +336,7 @@ PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern
   PetscFunctionReturn(0);
 }
 
-/* The micro part of displacements x on one interface, (1 - R R^t D) x, or of forces, (1 - D R R^t) x; work has room for its modes */
+/* Replaces displacements x on interface f by their micro part, (1 - R R^t D) x, or forces by (1 - D R R^t) x. work: [modes] */
 void LatinMacroMicro(const LatinMacro *macro, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
 {
   const PetscInt   modes = macro->of[f].modes, rows = macro->inter->interface[f].side_last - macro->inter->interface[f].side_first;

@@ -1,10 +1,10 @@
 #include "interfaces/latininterfaces.h"
 
-/* Exchange between the two sides of an interface in the set-up. Iterations exchange one number a side dof, by mate_sf itself. */
+/* Exchange between the two sides of an interface in the set-up. Iterations exchange one number for each side dof, by mate_sf itself. */
 
-#define LATIN_MATE_COLUMNS 16 /* vectors exchanged together: bounds the work space */
+#define LATIN_MATE_COLUMNS 16 /* vectors exchanged in one message: the work space is 16 numbers a side dof */
 
-/* theirs[f]: mine[] of the mate of interface side f, 0 without side dofs; mine and theirs may be the same array. Collective on sub->object */
+/* Sets theirs[f] to mine[] of the mate of interface side f, 0 without side dofs. mine and theirs may be the same array. Collective on sub->object */
 PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *inter, const PetscInt mine[], PetscInt theirs[])
 {
   PetscInt *out, *in;
@@ -20,8 +20,8 @@ PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *inter, const Pets
 }
 
 /*
-   Sends columns[f] vectors on the side dofs of each interface side, mine[f], to its mate. Receives theirs[f] vectors in
-   *mate + first[f], first[count + 1]. All are column-major. The caller frees *mate. Collective on sub->object
+   Sends columns[f] vectors on the side dofs of each interface side, mine[f], to its mate. Receives theirs[f] vectors in *mate + first[f],
+   first[count + 1]. All are column-major. The caller frees *mate. Collective on sub->object
 */
 PetscErrorCode LatinMateColumns_Private(const LatinInterfaces *inter, const PetscInt columns[], const PetscReal *const mine[], PetscInt theirs[], size_t first[], PetscReal **mate)
 {

@@ -1,6 +1,6 @@
 #include "interfaces/latininterfaces.h"
 
-/* The primal dofs of each subdomain: free components of its copies in a primal component of the node. */
+/* Lists the primal dofs of each subdomain: free components of its copies in a primal component of the node. */
 
 PetscErrorCode LatinInterfacePrimal_Private(LatinInterfaces *inter)
 {

@@ -6,7 +6,7 @@
    directions and macro bases.
 */
 
-/* Data of the comparison; same: the first subdomain with the same operator, NULL: compare operators; dir and macro, NULL: not compared */
+/* Data of the comparison. same: [subdomains] first subdomain with the same operator, NULL: compare operators; dir and macro, NULL: not compared */
 typedef struct {
   const LatinInterfaces *inter;
   const PetscInt        *same;
@@ -14,7 +14,7 @@ typedef struct {
   const LatinMacro      *macro;
 } LatinRepeats;
 
-/* Level 1: the operator and the supports */
+/* Appends the data of level 1 to a stream: the operator and the supports */
 static PetscErrorCode LatinRepeatsOperator_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinSubdomains *sub = ((const LatinRepeats *)ctx)->inter->sub;
@@ -27,7 +27,7 @@ static PetscErrorCode LatinRepeatsOperator_Private(const void *ctx, PetscInt s, 
   PetscFunctionReturn(0);
 }
 
-/* Level 2: the operator, the supports and the sides */
+/* The same of level 2: the operator, the supports and the sides */
 static PetscErrorCode LatinRepeatsSides_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinRepeats    *what  = (const LatinRepeats *)ctx;
@@ -55,7 +55,7 @@ static PetscErrorCode LatinRepeatsSides_Private(const void *ctx, PetscInt s, Lat
   PetscFunctionReturn(0);
 }
 
-/* Level 3: all this, search directions and macro bases */
+/* The same of level 3: all this, search directions and macro bases */
 static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinInterfaces *inter = ((const LatinRepeats *)ctx)->inter;
@@ -77,7 +77,7 @@ static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, La
   PetscFunctionReturn(0);
 }
 
-/* same[s]: the first subdomain with the operator and the supports of s */
+/* Sets same[s] to the first subdomain with the operator and the supports of s */
 PetscErrorCode LatinRepeatsOperators_Private(const LatinInterfaces *inter, PetscInt same[])
 {
   const LatinRepeats what = {.inter = inter};
@@ -87,7 +87,7 @@ PetscErrorCode LatinRepeatsOperators_Private(const LatinInterfaces *inter, Petsc
   PetscFunctionReturn(0);
 }
 
-/* The same, and like[s]: the first subdomain with its sides as well */
+/* The same, and sets like[s] to the first one with its sides as well */
 PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt same[], PetscInt like[])
 {
   const LatinRepeats what = {.inter = inter, .same = same};
@@ -98,7 +98,7 @@ PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt s
   PetscFunctionReturn(0);
 }
 
-/* pattern[s]: the first subdomain equal to s, search directions and macro bases (NULL: not compared) included */
+/* Sets pattern[s] to the first subdomain equal to s, with search directions and macro bases (NULL: not compared) */
 PetscErrorCode LatinRepeats_Private(const LatinInterfaces *inter, const LatinDirections *dir, const LatinMacro *macro, PetscInt pattern[])
 {
   const LatinRepeats what = {.inter = inter, .dir = dir, .macro = macro};

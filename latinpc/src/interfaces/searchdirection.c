@@ -1,37 +1,37 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   The micro search direction D of the interfaces, the same on both sides: a positive number a side degree of freedom,
-   or a symmetric positive definite matrix. By default, a fraction of the mean stiffness of the two subdomains at the
-   interface, see interfaces/interfacestiffness.c. Section 6 explains why this is the right scale; the fraction depends on
-   the iteration, not on units.
+   The micro search direction D of the interfaces, the same on both sides: a positive number for each side dof, or a symmetric positive definite matrix.
+   By default, a fraction of the mean stiffness of the two subdomains at the interface, see interfaces/interfacestiffness.c. Section 6 explains why this
+   is the right scale; the fraction depends on the iteration, not on units.
 
      scalar    the mean over the interface of the diagonal of B^t k B
      diagonal  that diagonal
      block     the diagonal block of B^t k B on the interface
      schur     the Schur complement of B^t k B on the interface
-     auto      PC latin for a matrix: schur between small subdomains, where it costs little, and at subdomains whose
-               coefficients jump (interfaces/interfacejumps.c), where it saves iterations; diagonal on the other interfaces;
-               block if no subdomain has an interior (interfaces/facemodes.c). Otherwise schur
+     auto      schur; but for PC latin of a matrix:
+               schur between small subdomains, where it costs little, and at subdomains whose coefficients jump (interfaces/interfacejumps.c),
+               where it saves iterations; diagonal on the other interfaces; block if no subdomain has an interior (interfaces/facemodes.c)
 
-   A matrix D = L L^t is stored with L and L^-1, or, for PC latin, with its deluxe weights W (LatinDirectionDeluxe()) in place of
-   L^-1; equal ones are stored once. The other stages use a direction through the functions of this file alone.
+   A matrix D = L L^t is stored with L and L^-1, or, for PC latin, with its deluxe weights W (LatinDirectionDeluxe()) in place of L^-1; equal ones are
+   stored once. The other stages use a direction through the functions of this file alone.
 */
 
-#define LATIN_DIRECTION_FLOOR  0.1    /* least entry of a diagonal direction, relative to the mean of its interface */
-#define LATIN_DIRECTION_MATRIX 1e-3   /* default fraction of PC latin for a matrix */
-#define LATIN_DIRECTION_LINKS  0.1    /* the same for links */
-#define LATIN_DIRECTION_SMALL  150000 /* rows of a subdomain times rows on its interfaces; up to this Schur complements cost little */
+#define LATIN_DIRECTION_FLOOR  0.1  /* least entry of a diagonal direction, relative to the mean of its interface; it only has to be positive */
+#define LATIN_DIRECTION_MATRIX 1e-3 /* default fraction of PC latin for a matrix: it only keeps subdomains regular, which seldom have mechanisms */
+#define LATIN_DIRECTION_LINKS  0.1  /* the same for links, whose subdomains have mechanisms */
+/* largest product of the rows of a subdomain and its rows on interfaces, up to which Schur complements cost little; they save one iteration of eight */
+#define LATIN_DIRECTION_SMALL 150000
 
-/* The type; auto remains for PC latin on a matrix alone, which decides interface by interface */
+/* Returns the type with auto resolved, but for PC latin of a matrix, which decides interface by interface */
 LatinDirectionType LatinDirectionKind(const LatinDirections *dir)
 {
   return dir->type == LATIN_DIRECTION_AUTO && !(dir->sub->matrix && dir->sub->preconditions) ? LATIN_DIRECTION_SCHUR : dir->type;
 }
 
 /*
-   The fraction set by the user, or the default of the type: least iterations over many structures, regular and irregular. In
-   PC latin springs serve only to keep the operators of subdomains regular; those of a matrix seldom have mechanisms.
+   Returns the fraction set by the user, or the default of the type: least iterations over many structures, regular and irregular. In PC latin springs
+   serve only to keep the operators of subdomains regular.
 */
 PetscReal LatinDirectionFraction(const LatinDirections *dir)
 {
@@ -42,12 +42,13 @@ PetscReal LatinDirectionFraction(const LatinDirections *dir)
   return fraction[dir->type];
 }
 
-/* Harmonic mean of two stiffnesses, ruled by the softer one */
+/* Returns the harmonic mean of two stiffnesses, ruled by the softer one */
 static inline PetscReal LatinHarmonic(PetscReal a, PetscReal b)
 {
   return a > 0.0 && b > 0.0 ? 2.0 * a / (1.0 + a / b) : 0.0;
 }
 
+/* Sets d of types scalar and diagonal to the fraction of the mean stiffness of both sides, and harmonic. Collective on sub->object */
 static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, PetscReal fraction)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -85,7 +86,7 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
 
 /* ---- matrices ---- */
 
-/* D = L L^t in place, its upper part zero; M: L^-1, or with S, mean D^-1 S */
+/* Factors D = L L^t in place, its upper part zero, and computes M: L^-1 or, with S, the deluxe weights `mean` D^-1 S. *bad: D is not positive definite */
 static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[], const PetscReal S[], PetscReal mean, PetscReal M[], PetscBool *bad)
 {
   const PetscScalar one = 1.0, factor = S ? mean : 1.0;
@@ -106,7 +107,7 @@ static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[],
   PetscFunctionReturn(0);
 }
 
-/* pattern[f]: the first interface side with the same matrix D + first[f] and, unless S is NULL, the same own stiffness S + from[f] */
+/* Sets pattern[f] to the first interface side with the same matrix D + first[f] and, unless S is NULL, the same own stiffness S + from[f] */
 static PetscErrorCode LatinDirectionPattern_Private(const LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscInt pattern[])
 {
   const PetscInt count = dir->inter->count;
@@ -128,7 +129,7 @@ static PetscErrorCode LatinDirectionPattern_Private(const LatinDirections *dir, 
   PetscFunctionReturn(0);
 }
 
-/* Factors the matrices D + first[f], equal ones once; S not NULL: computes the deluxe weights from the stiffnesses S + from[f] */
+/* Factors the matrices D + first[f], equal ones once. If S is not NULL, computes the deluxe weights from the stiffnesses S + from[f] */
 static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscReal mean, PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -159,7 +160,7 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
   PetscFunctionReturn(0);
 }
 
-/* D of the interfaces with matrices[f]: the fraction of the mean stiffness of both sides. Collective on sub->object */
+/* Computes D of the interfaces with matrices[f]: the fraction of the mean stiffness of both sides. Collective on sub->object */
 static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscReal fraction, const PetscBool matrices[])
 {
   const LatinInterfaces *inter = dir->inter;
@@ -196,8 +197,8 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
 }
 
 /*
-   matrices[f] of type auto: all interfaces of subdomains whose coefficients jump, and those between two small subdomains. Matrices on
-   some interfaces of a subdomain alone cost time and save no iteration. Collective on sub->object.
+   Chooses matrices[f] of type auto: all interfaces of subdomains whose coefficients jump, and those between two small subdomains. In a subdomain with
+   jumps, matrices on some interfaces alone cost time and save no iteration. Collective on sub->object.
 */
 static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool matrices[])
 {
@@ -220,7 +221,7 @@ static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* The scalar that the user sets for all interfaces, checked against their stiffness. Collective on sub->object */
+/* Sets d to the scalar that the user gives for all interfaces, after a check against their stiffness. Collective on sub->object */
 static PetscErrorCode LatinDirectionScalar_Private(LatinDirections *dir)
 {
   PetscReal range[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* minus the least stiffness; the greatest */
@@ -239,6 +240,7 @@ static PetscErrorCode LatinDirectionScalar_Private(LatinDirections *dir)
   PetscFunctionReturn(0);
 }
 
+/* Computes the search directions of all interfaces. Collective on sub->object */
 PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
 {
   const LatinDirectionType kind     = LatinDirectionKind(dir);
@@ -280,9 +282,9 @@ PetscErrorCode LatinDirectionReset(LatinDirections *dir)
   PetscFunctionReturn(0);
 }
 
-/* ---- operations of a direction on n vectors on the side dofs of one interface, leading dimension ld ---- */
+/* ---- operations of a direction on n vectors on the side dofs of one interface f, columns ld apart ---- */
 
-/* Y = A X with a square matrix; one short product is faster without BLAS */
+/* Computes Y = A X with a square matrix A of `rows` rows; one short product is faster without BLAS */
 static PetscErrorCode LatinMultiply_Private(PetscInt rows, PetscInt n, const PetscReal A[], const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
 {
   const PetscScalar one = 1.0, zero = 0.0;
@@ -303,7 +305,7 @@ static PetscErrorCode LatinMultiply_Private(PetscInt rows, PetscInt n, const Pet
   PetscFunctionReturn(0);
 }
 
-/* Y = D X */
+/* Computes Y = D X */
 PetscErrorCode LatinDirectionApply(const LatinDirections *dir, PetscInt f, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
 {
   const LatinInterface *face = &dir->inter->interface[f];
@@ -320,7 +322,7 @@ PetscErrorCode LatinDirectionApply(const LatinDirections *dir, PetscInt f, Petsc
   PetscFunctionReturn(0);
 }
 
-/* sum += (a - b)^t D^-1 (a - b) / 4, over all columns: the energy v^t D v of a - b = 2 D v */
+/* Adds (a - b)^t D^-1 (a - b) / 4, over all columns, to *sum: the energy v^t D v of a - b = 2 D v. work: two blocks of n vectors */
 PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal work[], PetscReal *sum)
 {
   const LatinInterface *face = &dir->inter->interface[f];
@@ -343,7 +345,7 @@ PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, Pets
   PetscFunctionReturn(0);
 }
 
-/* spring[]: diagonal directions as springs on the copies, part of K_E (28) */
+/* Sets spring[copies * bs] to the sum of the diagonal directions at each copy, part of K_E (28) */
 PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscReal spring[])
 {
   const LatinInterfaces *inter = dir->inter;
@@ -356,7 +358,7 @@ PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* K: the operator of subdomain s with these springs and its matrix directions */
+/* Assembles K: the operator of subdomain s with these springs and its matrix directions */
 PetscErrorCode LatinDirectionMatrix(const LatinDirections *dir, PetscInt s, const PetscReal spring[], LatinSparse *K)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -376,8 +378,8 @@ PetscErrorCode LatinDirectionMatrix(const LatinDirections *dir, PetscInt s, cons
 }
 
 /*
-   Deluxe scaling of this side of interface f: x becomes W x of displacements, W^t x of forces. W = (S + S')^-1 S with the stiffnesses S
-   and S' of both sides is a partition of unity, W + W' = 1, and the weighted mean of least energy. work: as long as x.
+   Scales x on this side of interface f (deluxe scaling): displacements become W x, forces W^t x. W = (S + S')^-1 S with the stiffnesses S and S' of
+   both sides is a partition of unity, W + W' = 1, and the weighted mean of least energy. work: as long as x.
 */
 PetscErrorCode LatinDirectionDeluxe(const LatinDirections *dir, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
 {
@@ -396,7 +398,7 @@ PetscErrorCode LatinDirectionDeluxe(const LatinDirections *dir, PetscInt f, Pets
   PetscFunctionReturn(0);
 }
 
-/* Columns of R that are orthonormal in d become orthonormal in a matrix direction D, with the same span (Cholesky QR) */
+/* Makes the columns of R, which are orthonormal in d, orthonormal in a matrix direction D, with the same span (Cholesky QR) */
 PetscErrorCode LatinDirectionNormalise(const LatinDirections *dir, PetscInt f, PetscInt modes, PetscReal R[])
 {
   const LatinInterface *face = &dir->inter->interface[f];

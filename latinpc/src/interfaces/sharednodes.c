@@ -4,7 +4,7 @@
    The subdomains at each node, gathered at every copy of it, and tables of all pairs of them.
 */
 
-/* The SF whose leaves are entries offset[i] to offset[i + 1] of each copy i, and whose roots are those of the node at its owner, from at[2 * i] on */
+/* Creates the SF whose leaves are entries offset[i] to offset[i + 1] of each copy i, and whose roots are those of its node at the owner, from at[2 * i] on */
 static PetscErrorCode LatinInterfaceTables_Private(const LatinSubdomains *sub, const PetscInt offset[], const PetscInt at[], PetscInt roots, PetscSF *sf)
 {
   const PetscSFNode *where;
@@ -26,7 +26,7 @@ static PetscErrorCode LatinInterfaceTables_Private(const LatinSubdomains *sub, c
 /* Fails if the tables of pairs have more entries than a PetscInt can count. Collective on sub->object */
 static PetscErrorCode LatinInterfaceCheckTables_Private(const LatinSubdomains *sub, const PetscInt degree[])
 {
-  PetscReal sizes[2] = {0.0, 0.0}; /* entries here of the tables of owned nodes, of copies */
+  PetscReal sizes[2] = {0.0, 0.0}; /* entries on this rank of the tables of owned nodes, of copies */
   PetscInt  most     = 0;
 
   PetscFunctionBegin;
@@ -41,7 +41,10 @@ static PetscErrorCode LatinInterfaceCheckTables_Private(const LatinSubdomains *s
   PetscFunctionReturn(0);
 }
 
-/* share_list: the subdomains at each shared node, increasing, at every copy of it; nodes without a free component do not count as shared. Collective on sub->object */
+/*
+   Sets share_list, the subdomains at each shared node, increasing, at every copy of it, and position. Creates table_sf. Nodes without a free component
+   do not count as shared. Collective on sub->object
+*/
 PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub   = inter->sub;
@@ -98,7 +101,7 @@ PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Gathers the rows of tables: each copy has filled its own row with nonnegative numbers, the others are zero. Collective on sub->object */
+/* Gathers the rows of tables at all copies. Each copy has filled its own row with nonnegative numbers; the others are zero. Collective on sub->object */
 PetscErrorCode LatinInterfaceExchange_Private(const LatinInterfaces *inter, PetscInt table[])
 {
   PetscInt *root, roots;
