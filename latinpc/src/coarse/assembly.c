@@ -5,7 +5,7 @@
    own; rows that ranks share are added in the order of the ranks: results are reproducible to the bit.
 */
 
-/* The dofs of elements in each row: list[start[r]] to list[start[r + 1] - 1]; start has room for rows + 2 */
+/* Lists the dofs of elements in each row: list[start[r]] to list[start[r + 1] - 1]. at[]: row of each dof; start has room for rows + 2 */
 static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscInt start[], PetscInt list[])
 {
   for (PetscInt r = 0; r < rows + 2; r++) start[r] = 0;
@@ -15,8 +15,8 @@ static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, co
 }
 
 /*
-   Assembles the operators of the elements of this rank; at[]: row of each of their dofs. Each row is summed in a dense array and, as
-   the matrix is symmetric, stored as a column: so the columns of each row are sorted. upper: no entries left of the diagonal
+   Assembles the operators of the elements of this rank; at[]: row of each of their dofs. Each row is summed in a dense array and, as the matrix is
+   symmetric, stored as a column: so the columns of each row are sorted. upper: no entries left of the diagonal
 */
 static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscBool upper, LatinCoarsePart *part)
 {
@@ -67,7 +67,7 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   PetscFunctionReturn(0);
 }
 
-/* A sequential matrix of these rows */
+/* Creates the sequential matrix K of a part */
 static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat *K)
 {
   PetscFunctionBegin;
@@ -78,7 +78,10 @@ static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat
   PetscFunctionReturn(0);
 }
 
-/* *whole: the part of each rank is the operator of one element, which is used as it is; on all ranks or none, as the local matrices of a MATIS have one type. Collective on sub->object */
+/*
+   Sets *whole: whether the part of each rank is the operator of one element, which then serves as it is. All ranks agree, as the local matrices of a
+   MATIS have one type. Collective on sub->object
+*/
 static PetscErrorCode LatinCoarseWhole_Private(const LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt rows, PetscBool *whole)
 {
   const LatinElements *top = &coarse->top;
@@ -91,7 +94,7 @@ static PetscErrorCode LatinCoarseWhole_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
-/* y = K x, reads one triangle of a dense matrix (PETSc reads both) */
+/* Computes y = K x from the lower triangle of a dense matrix; PETSc's own product reads both */
 static PetscErrorCode LatinCoarseMult_Private(Mat K, Vec x, Vec y)
 {
   const PetscScalar *a, *from, one = 1.0, zero = 0.0;
@@ -114,7 +117,7 @@ static PetscErrorCode LatinCoarseMult_Private(Mat K, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* K: the operator of the only element here as a dense matrix, which takes over its memory */
+/* Makes K from the operator of the only element here: a dense matrix, which takes over the memory */
 static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
   const PetscInt rows = top->offset[1];
@@ -140,7 +143,7 @@ static PetscErrorCode LatinCoarseLowerDestroy_Private(Mat K)
   PetscFunctionReturn(0);
 }
 
-/* The same, as a shell with the packed lower triangle alone, without products: only the factorisation of coarse/tree.h reads it */
+/* The same, as a shell with the packed lower triangle alone and without product: only the factorisation of coarse/tree.h reads it */
 static PetscErrorCode LatinCoarseLower_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
   const PetscInt rows = top->offset[1];
@@ -152,7 +155,7 @@ static PetscErrorCode LatinCoarseLower_Private(const LatinElements *top, LatinHo
   PetscFunctionReturn(0);
 }
 
-/* A: the sum of the parts of the ranks, rows number[] of A; frees the part. Collective on sub->object */
+/* Assembles A, the sum of the parts of the ranks, rows number[] of A. Frees the part. Collective on sub->object */
 static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], Mat *A)
 {
   PetscLayout rows;
@@ -164,7 +167,7 @@ static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoa
   PetscFunctionReturn(0);
 }
 
-/* *same: two distributed matrices have the same type and sparsity pattern. Collective on A */
+/* Sets *same: whether two distributed matrices have the same type and sparsity pattern. Collective on A */
 static PetscErrorCode LatinCoarseSamePlaces_Private(Mat A, Mat B, PetscBool upper, PetscBool *same)
 {
   PetscInt        first[2], last[2], n, m;
@@ -198,7 +201,7 @@ static PetscErrorCode LatinCoarseSamePlaces_Private(Mat A, Mat B, PetscBool uppe
   PetscFunctionReturn(0);
 }
 
-/* Several ranks: the assembled sum of their parts, in the matrix of the last set-up if the pattern is the same; frees the part. Collective on sub->object */
+/* Assembles coarse->A on several ranks, in the matrix of the last set-up if the pattern is the same. Frees the part. Collective on sub->object */
 static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
   Mat sum;
@@ -219,7 +222,10 @@ static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoar
   PetscFunctionReturn(0);
 }
 
-/* *same: the part of this rank, as a MATIS or matrix of one rank, has the pattern and global numbers of the last set-up, on all ranks; false for a dense part. Collective on sub->object */
+/*
+   Sets *same: whether the part, as local matrix of a MATIS or matrix of one rank, has the pattern and global numbers of the last set-up, on all ranks;
+   false for a dense part. Collective on sub->object
+*/
 static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
   PetscInt rows;
@@ -237,7 +243,7 @@ static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const L
   PetscFunctionReturn(0);
 }
 
-/* A new matrix with local matrix K; takes over K and its global numbers number[rows]. Collective on sub->object */
+/* Creates coarse->A with local matrix K. Takes over K and its global numbers number[rows]. Collective on sub->object */
 static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, PetscInt rows, PetscInt number[])
 {
   MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
@@ -266,7 +272,10 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
   PetscFunctionReturn(0);
 }
 
-/* One rank, or a MATIS. Takes over number[] and K, the part as a dense matrix or NULL; frees the part. Collective on sub->object */
+/*
+   Makes coarse->A on one rank or as a MATIS, with new values if the pattern is that of the last set-up. K: NULL, or the part as a dense matrix. Takes
+   over number[] and K, frees the part. Collective on sub->object
+*/
 static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt number[], PetscBool *same)
 {
   PetscScalar *a;
@@ -288,8 +297,8 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
 }
 
 /*
-   Sets coarse.A, the sum of c_E^t H_E c_E over the elements, as a MATIS if coarse->unassembled or coarse->tree. *same: it is that of the last
-   set-up with new values. Frees operators that are needed no longer. Collective on sub->object
+   Sets coarse->A, the sum of c_E^t H_E c_E over the elements, as a MATIS if coarse->unassembled or coarse->tree. *same: it is the matrix of the last
+   set-up with new values. Frees operators that are no longer needed. Collective on sub->object
 */
 PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscBool *same)
 {

@@ -2,8 +2,13 @@
 #include "base/room.h"
 
 /*
-   The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the
-   corresponding forces (25), (39), (41). The solver that the options choose determines the format of its matrix.
+   The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the corresponding forces (25), (39), (41).
+   Set-up:
+
+   1. The solver from the options: it determines the format of the matrix.
+   2. Condensation of repeated groups of subdomains (coarse/groups.c), for direct solvers alone: it makes the matrix denser.
+   3. Assembly of the matrix (coarse/assembly.c); for iterative solvers its near null space (coarse/nearnullspace.c).
+   4. Factorisation; after it the matrix is released where nothing needs it.
 */
 
 /* Creates the solver and sets the types from options, before there is a matrix. Collective on sub->object */
@@ -32,9 +37,7 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/*
-   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not collective
-*/
+/* Sets coarse->upper: whether MUMPS factors the matrix. It needs the upper triangle alone, which halves messages and memory. Not collective */
 static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 {
   const char *package = MATSOLVERMUMPS;
@@ -55,8 +58,8 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 }
 
 /*
-   The default solver is a factorisation. One rank: ours. Several ranks: the multifrontal solver of coarse/tree.h, or MUMPS. A package
-   named by options factors the distributed matrix. PCREDUNDANT, by options, uses our factorisation, reproducible to the bit. Collective on coarse->ksp
+   Sets the default solver, a factorisation. One rank: ours. Several ranks: the multifrontal solver of coarse/tree.h, or MUMPS. A package named by
+   options factors the distributed matrix. PCREDUNDANT, by options, uses our factorisation, reproducible to the bit. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 {
@@ -88,7 +91,7 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Defaults of an iterative solver; coarse->loose: no option sets its type or tolerance, so that it stops in the energy norm. Collective on coarse->ksp */
+/* Sets defaults of an iterative solver. If no option sets its type or tolerance (coarse->loose), it stops in the energy norm. Collective on coarse->ksp */
 static PetscErrorCode LatinCoarseIterates_Private(LatinCoarse *coarse)
 {
   const PetscObject ksp = (PetscObject)coarse->ksp;
@@ -114,7 +117,7 @@ static PetscErrorCode LatinCoarseDestroy_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Product of the shell that replaces a released local matrix: an error, as monitors of the coarse KSP may call it */
+/* Product of the shell that replaces a released local matrix: an error, for monitors of the coarse KSP that call it */
 static PetscErrorCode LatinCoarseReleased_Mat(Mat A, Vec x, Vec y)
 {
   PetscFunctionBegin;
@@ -122,10 +125,9 @@ static PetscErrorCode LatinCoarseReleased_Mat(Mat A, Vec x, Vec y)
 }
 
 /*
-   Releases the local matrices after the multifrontal factorisation: they may be as large as the factor, and no solve reads them. A shell
-   takes their place, whose product is an error. ahead: during the factorisation, if it is provisional and so makes no checks that read
-   the matrix; else after it. Matrices are kept if a later set-up may reuse the pattern, or if they are small, for products of
-   monitors. Collective on coarse->ksp
+   Releases the local matrices: they may be as large as the multifrontal factor, and no solve reads them. A shell takes their place, whose product is an
+   error. ahead: before the factorisation, if it is provisional and so makes no checks that read the matrix: it releases them itself; else after it.
+   Matrices are kept if a later set-up may reuse the pattern, or if they are small, for products of monitors. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseReleaseLocal_Private(LatinCoarse *coarse, PetscBool ahead)
 {
@@ -150,8 +152,7 @@ static PetscErrorCode LatinCoarseReleaseLocal_Private(LatinCoarse *coarse, Petsc
 }
 
 /*
-   Sets up the matrix from the homogenised stiffnesses, its solver and factors; coarse->status reports failures. Repeated groups are
-   condensed for direct solvers alone, as this makes the matrix denser. PC latin, BDDC and FETI-DP get a MATIS.
+   Sets up the matrix from the homogenised stiffnesses, its solver and factors; coarse->status reports failures. PC latin, BDDC and FETI-DP get a MATIS.
    Collective on sub->object
 */
 PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness)
@@ -182,11 +183,12 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   if (!same) PetscCall(LatinCoarseIterates_Private(coarse));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* PCGAMG would replace the near null space */
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* not PCGAMG, which would replace the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_TRUE));
   coarse->status.tried = LatinSubdomainsTried(coarse->sub);
-  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* no rows if each connected component is one group */
+  /* no rows if each connected component is one group */
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status));
   PetscCall(VecDestroy(&coarse->whole));
   PetscCall(LatinCoarseReleaseLocal_Private(coarse, PETSC_FALSE));
   if (coarse->tree) LatinRoomTrim((size_t)coarse->parts * (size_t)coarse->parts * sizeof(PetscScalar));
@@ -218,7 +220,7 @@ PetscErrorCode LatinCoarseRenew(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscFunctionReturn(0);
 }
 
-/* top.u: scatters a vector of coarse displacements to the elements here. Collective on sub->object */
+/* Scatters a vector of coarse displacements to top.u. Collective on sub->object */
 static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
 {
   const PetscScalar *x;
@@ -239,7 +241,10 @@ static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Solves for the coarse displacements u from the condensed forces q of the subdomains; contraction: relative tolerance of an iterative solver in the energy norm, 0: accurate. Collective on sub->object */
+/*
+   Computes the coarse displacements u from the condensed forces q of the subdomains. contraction: relative tolerance of an iterative solver in the
+   energy norm, 0: accurate. Collective on sub->object
+*/
 PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal contraction)
 {
   PetscScalar *b;
@@ -265,7 +270,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal contraction)
   PetscFunctionReturn(0);
 }
 
-/* Prolongs a vector of the coarse matrix to the coarse displacements u of the subdomains, under zero forces. Collective on sub->object */
+/* Prolongs a vector of the coarse matrix to the coarse displacements u of the subdomains, under zero forces. Overwrites q. Collective on sub->object */
 PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
 {
   PetscFunctionBegin;

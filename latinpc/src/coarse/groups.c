@@ -1,30 +1,32 @@
 #include "coarse/latincoarse.h"
 
 /*
-   Nested condensation of the coarse problem (52). Neighbouring subdomains form groups. The coarse dofs of a group that no other
-   subdomain has, its interior, are eliminated; the groups are the elements of a smaller coarse problem; and so on, level by
-   level. Groups of equal subdomains in equal arrangement share one dense factor and are solved together, by blocks of
-   right-hand sides, as in localsolvers/batches.c. If groups do not repeat, a sparse direct solver does the same elimination
-   better, and nothing is grouped.
+   Nested condensation of the coarse problem (52). Neighbouring subdomains form groups. The coarse dofs of a group that no other subdomain has, its
+   interior, are eliminated; the groups are the elements of a smaller coarse problem; and so on, level by level. Groups of equal subdomains in equal
+   arrangement share one dense factor and are solved together, by blocks of right-hand sides, as in localsolvers/batches.c. If groups do not repeat, a
+   sparse direct solver does the same elimination better, and nothing is grouped.
 
    For one group, with i the interior dofs, b the others, and K the sum of the operators of its members:
 
-     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the operator of the group;
-     down: v = L^-1 q_i, and the forces on b are q_b - Z v;   up: u_i = L^-t (v - Z^t u_b).
+     set-up: K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the operator of the group;
+     down:   v = L^-1 q_i, and the forces on b become q_b - Z v;
+     up:     u_i = L^-t (v - Z^t u_b).
 */
 
-#define LATIN_GROUPS         3                                            /* elements along each side of a group; of 2, 3, 4, 6 the least set-up time and memory */
-#define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS) /* most elements of a group on a regular grid */
-#define LATIN_GROUP_CELLS    1e5                                          /* most cells of the grid along each side: enough for any structure */
-#define LATIN_GROUP_EDGE     1e-3                                         /* shift of corners, in cells, so that rounding moves none into the cell below */
-#define LATIN_GROUP_REPEAT   0.6                                          /* largest share of different groups: with more a sparse solver takes fewer operations */
-#define LATIN_GROUP_COLUMNS  64                                           /* groups solved together: right-hand sides stay in cache */
-#define LATIN_GROUP_INTERIOR 1536                                         /* most interior dofs of a group: sparse factors of larger groups take fewer operations */
-#define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5)                /* least pivot, relative to the stiffness before condensation: below, a mechanism is suspected, and the coarse solver decides */
+#define LATIN_GROUPS        3                                            /* elements along a side of a group; of 2, 3, 4, 6 the least set-up time and memory */
+#define LATIN_GROUP_FULL    (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS) /* most elements of a group on a regular grid */
+#define LATIN_GROUP_CELLS   1e5                                          /* most cells of the grid along each side, more than the 3^8 of LATIN_GROUP_LEVELS */
+#define LATIN_GROUP_EDGE    1e-3                                         /* shift of corners, in cells: rounding moves none into the cell below */
+#define LATIN_GROUP_REPEAT  0.6                                          /* largest share of different groups; with more a sparse solver does less work */
+#define LATIN_GROUP_COLUMNS 64                                           /* groups solved together: right-hand sides stay in cache */
+/* most interior dofs of a group, for a dense factor of 19 MB; sparse factors of larger groups take fewer operations */
+#define LATIN_GROUP_INTERIOR 1536
+/* least pivot, relative to the stiffness before condensation; below, a mechanism is suspected, nothing is condensed, and the coarse solver decides */
+#define LATIN_GROUP_PIVOT LatinByPrecision(1e-11, 1e-5)
 
 /*
-   place[s]: the cell of the lowest corner of subdomain s in a grid of median subdomain size. The digits to base LATIN_GROUPS of its
-   three numbers are interleaved: without the last three digits it is the cell of a group.
+   Sets place[s] to the cell of the lowest corner of subdomain s in a grid of median subdomain size. The digits to base LATIN_GROUPS of its three
+   coordinates are interleaved: without the last three digits it is the cell of a group.
 */
 static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint64_t place[])
 {
@@ -59,8 +61,8 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
 }
 
 /*
-   whole[]: the stiffness of each coarse dof before condensation, which scales its rounding: that of the links at a primal dof,
-   T^-1 = H + 1 of a macro displacement, see stages/homogenise.c. An H of the size of that rounding is a mechanism
+   Sets fine->whole, the stiffness of each coarse dof before condensation, which scales its rounding: that of the links at a primal dof, T^-1 = H + 1 of
+   a macro displacement, see stages/homogenise.c. An H of the size of that rounding is a mechanism
 */
 static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const LatinElements *fine)
 {
@@ -82,7 +84,10 @@ static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
-/* The finest elements: subdomains. Local numbers of coarse dofs: owned ones first, then ghosts; *dofs: their number; *sf: coarse dofs of all ranks -> those here. Collective on sub->object */
+/*
+   Makes the subdomains the finest elements. *dofs: number of local coarse dofs, owned ones first, then ghosts; *sf: coarse dofs of all ranks -> these.
+   Collective on sub->object
+*/
 static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt *dofs, PetscSF *sf)
 {
   const PetscInt n = coarse->sub->n, entries = coarse->offset[n];
@@ -115,7 +120,7 @@ static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const Latin
   PetscFunctionReturn(0);
 }
 
-/* Groups: elements in the same cell of a grid that is LATIN_GROUPS times as coarse */
+/* Forms groups: elements in the same cell of a grid that is LATIN_GROUPS times as coarse */
 static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
 {
   const LatinElements *fine = &level->fine;
@@ -136,8 +141,8 @@ static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
 }
 
 /*
-   slot[]: numbers the dofs of each group, interior ones first, then the others, each in the order of the members, so that equal groups
-   have equal numbers. ranks[]: number of ranks that have each dof
+   Numbers the dofs of each group in slot[], interior ones first, then the others, each in the order of the members, so that equal groups have equal
+   numbers. ranks[dofs]: number of ranks that have each dof
 */
 static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt dofs, const PetscInt ranks[])
 {
@@ -175,7 +180,7 @@ static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* Data that determines the operator of a group: equal members in equal arrangement make equal groups */
+/* Appends the data that determines the operator of group g to a stream: equal members in equal arrangement make equal groups */
 static PetscErrorCode LatinGroupsStream_Private(const void *ctx, PetscInt g, LatinStream *stream)
 {
   const LatinGroupLevel *level = (const LatinGroupLevel *)ctx;
@@ -192,7 +197,7 @@ static PetscErrorCode LatinGroupsStream_Private(const void *ctx, PetscInt g, Lat
   PetscFunctionReturn(0);
 }
 
-/* Sorts the groups, equal ones consecutive; *kept: they repeat enough, and are small enough for dense factors */
+/* Sorts the groups, equal ones consecutive. *kept: they repeat enough, and are small enough for dense factors */
 static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBool *kept)
 {
   LatinElements *coarse  = &level->coarse;
@@ -203,7 +208,7 @@ static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBo
   PetscCall(PetscMalloc3(coarse->n + 1, &coarse->offset, coarse->n, &coarse->pattern, coarse->n, &coarse->h_offset));
   PetscCall(LatinStreamCompare_Private(coarse->n, LatinGroupsStream_Private, level, coarse->pattern));
   for (PetscInt g = 0; g < coarse->n; g++) group[g].key = (LatinKey){.hash = (uint64_t)coarse->pattern[g], .number = g};
-  qsort(group, (size_t)coarse->n, sizeof(*group), LatinKeyCompare); /* by its first member */
+  qsort(group, (size_t)coarse->n, sizeof(*group), LatinKeyCompare); /* by pattern */
   for (PetscInt g = 0; g < coarse->n; g++) {
     coarse->pattern[g] = g && group[g].key.hash == group[g - 1].key.hash ? coarse->pattern[g - 1] : g;
     coarse->patterns += coarse->pattern[g] == g ? 1 : 0;
@@ -213,7 +218,7 @@ static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBo
   PetscFunctionReturn(0);
 }
 
-/* L with Z below it, and S of one group; clears *kept if a mechanism is suspected */
+/* Computes L with Z below it, and S, of one group. Clears *kept if a mechanism is suspected */
 static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt g, PetscBool *kept)
 {
   const LatinElements *fine  = &level->fine;
@@ -236,13 +241,16 @@ static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt
   for (PetscInt i = 0; i < n; i++) bad = (PetscBool)(bad || !(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * whole[i]));
   PetscCall(PetscArraycpy(level->L + group->l_offset, K, rows * n));
   for (PetscInt j = n; j < rows; j++)
-    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* K has its lower half */
+    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* K has its lower triangle alone */
   if (bad) *kept = PETSC_FALSE;
   PetscCall(PetscFree2(K, whole));
   PetscFunctionReturn(0);
 }
 
-/* Makes the groups elements, without their interior dofs. slot[] becomes a position in x: interior dofs of all groups, then the others */
+/*
+   Makes the groups elements, without their interior dofs. slot[] becomes a position in x: interior dofs of all groups, then the others. Clears *kept if
+   a mechanism is suspected
+*/
 static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level, PetscBool *kept)
 {
   const LatinElements *fine     = &level->fine;
@@ -300,9 +308,9 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
 }
 
 /*
-   coarse->tree: is the coarse matrix factored by the multifrontal solver of coarse/tree.h? Yes if it is dense, as of few subdomains, to
-   factor it once, not on each rank; and if the predicted time is not much longer than that of MUMPS, to save memory. Not
-   if options choose the solver, or without the factorisation of a rank's part. Collective on sub->object
+   Sets coarse->tree: whether the multifrontal solver of coarse/tree.h factors the coarse matrix. Yes if it is dense, as of few subdomains, to factor it
+   once, not on each rank; and if the predicted time is not much longer than that of MUMPS, to save memory. Not if options choose the solver, or without
+   our factorisation of a rank's part. Collective on sub->object
 */
 static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
 {
@@ -330,7 +338,10 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   PetscFunctionReturn(0);
 }
 
-/* Numbers the coarse dofs of the top elements, the rows of A, and makes their scatter; number[dofs]: work space. Collective on sub->object */
+/*
+   Numbers the coarse dofs of the top elements, the rows of A, and creates their scatter and coarse->whole. number[dofs]: work space. Collective on
+   sub->object
+*/
 static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, PetscInt dofs, PetscInt number[])
 {
   const LatinElements *top     = &coarse->top;
@@ -370,7 +381,7 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
 }
 
 /*
-   Sets coarse.top, the elements of the problem of the coarse KSP: groups, or the subdomains themselves. Levels are added as long as
+   Sets coarse->top, the elements of the problem of the coarse KSP: groups (if `groups`), or the subdomains themselves. Levels are added as long as
    groups repeat, are small enough for dense factors and are not singular. Collective on sub->object
 */
 PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscBool groups)
@@ -408,7 +419,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscFunctionReturn(0);
 }
 
-/* Frees data of the set-up: operators of groups */
+/* Frees data of the set-up: operators of groups, their dofs and places */
 PetscErrorCode LatinGroupsFinish(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
@@ -427,7 +438,7 @@ PetscErrorCode LatinGroupsReset(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Down: condenses the forces fine.q to coarse.q; up: from displacements coarse.u to fine.u. Blocks of equal groups together */
+/* Condenses the forces fine.q to coarse.q, or (up) computes fine.u from coarse.u. Blocks of equal groups together */
 static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, PetscBool up)
 {
   const LatinElements *fine = &level->fine, *coarse = &level->coarse;
@@ -460,7 +471,10 @@ static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Down: condenses coarse.q to top.q; up: from top.u to coarse.u by back substitution. Up needs a down pass before, with coarse.q = 0 to prolong top.u alone */
+/*
+   Condenses coarse->q to top.q, or (up) computes coarse->u from top.u by back substitution. A pass up needs a pass down before, with coarse->q = 0 to
+   prolong top.u alone
+*/
 PetscErrorCode LatinGroupsPass(LatinCoarse *coarse, PetscBool up)
 {
   PetscFunctionBegin;

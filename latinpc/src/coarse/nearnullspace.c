@@ -8,14 +8,15 @@
    field and, of displacements, the rotations about the centre of all nodes.
 */
 
-#define LATIN_NEAR_RANK LatinByPrecision(1e-8, 1e-4) /* smallest part of a vector that is orthogonal to the others, if it is independent */
+#define LATIN_NEAR_RANK LatinByPrecision(1e-8, 1e-4) /* least part of an independent vector that is orthogonal to the others: half of the digits */
 
-/* The number of vectors of the near null space; centre and half width of the bounding box of nodes, for rotations */
+/* Near null space: number of vectors; centre and half width of the bounding box of all nodes, for rotations */
 typedef struct {
   PetscInt  count;
   PetscReal centre[3], size;
 } LatinNear;
 
+/* Counts the vectors and measures the bounding box. Collective on sub->object */
 static PetscErrorCode LatinNearSetUp_Private(const LatinSubdomains *sub, LatinNear *near)
 {
   const PetscInt dim    = sub->dim;
@@ -37,7 +38,7 @@ static PetscErrorCode LatinNearSetUp_Private(const LatinSubdomains *sub, LatinNe
   PetscFunctionReturn(0);
 }
 
-/* Vector `which` of the near null space at a dof of the copies */
+/* Returns vector `which` of the near null space at a dof of the copies */
 static PetscReal LatinNearField(const LatinSubdomains *sub, const LatinNear *near, PetscInt which, PetscInt dof)
 {
   const PetscReal *x = sub->x + sub->dim * (dof / sub->bs);
@@ -52,7 +53,10 @@ static PetscReal LatinNearField(const LatinSubdomains *sub, const LatinNear *nea
   return c == a ? (near->centre[b] - x[b]) / near->size : 0.0;
 }
 
-/* out[offset[n]][dim + count]: for each coarse dof of the subdomains here, coordinates, of a macro mode the mean of the interface; values of the near null space */
+/*
+   Computes out[offset[n]][dim + count]: of each coarse dof of the subdomains here, coordinates (of a macro mode the mean of the interface), then values
+   of the near null space
+*/
 static PetscErrorCode LatinNearCollect_Private(const LatinCoarse *coarse, const LatinNear *near, PetscReal out[])
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -87,7 +91,7 @@ static PetscErrorCode LatinNearCollect_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
-/* Orthogonalises v to n orthonormal vectors and normalises it; *kept: it is independent */
+/* Orthogonalises v against n orthonormal vectors and normalises it. *kept: it is independent of them */
 static PetscErrorCode LatinNearOrthogonalise_Private(Vec v, PetscInt n, Vec others[], PetscBool *kept)
 {
   PetscReal    part = 1.0, norm = 0.0;
@@ -109,9 +113,8 @@ static PetscErrorCode LatinNearOrthogonalise_Private(Vec v, PetscInt n, Vec othe
 }
 
 /*
-   Sets coarse.x, and attaches the near null space to coarse.A. Both sides of an interface have the same values up to rounding:
-   the larger one is taken. Vectors that are dependent on the coarse dofs (few interfaces, few modes) are left out.
-   Collective on coarse->sub->object.
+   Sets coarse->x, and attaches the near null space to coarse->A. Both sides of an interface have the same values up to rounding: the larger one is
+   taken. Vectors that are dependent on the coarse dofs (few interfaces, few modes) are left out. Collective on coarse->sub->object.
 */
 PetscErrorCode LatinCoarseNear_Private(LatinCoarse *coarse)
 {
@@ -129,7 +132,7 @@ PetscErrorCode LatinCoarseNear_Private(LatinCoarse *coarse)
   PetscCall(LatinNearCollect_Private(coarse, &near, leaf));
   for (PetscInt i = 0; i < width * rows; i++) root[i] = PETSC_MIN_REAL;
   PetscCall(LatinSFReduce_Private(coarse->top_sf, width, MPIU_REAL, leaf, root, MPI_MAX));
-  PetscCall(PetscMalloc1(dim * rows + 1, &coarse->x)); /* one more than needed: not NULL on a rank without unknowns */
+  PetscCall(PetscMalloc1(dim * rows + 1, &coarse->x)); /* + 1: not NULL on a rank without unknowns */
   for (PetscInt i = 0; i < rows; i++) PetscCall(PetscArraycpy(coarse->x + dim * i, root + width * i, dim));
   for (PetscInt w = 0; w < near.count; w++) {
     PetscScalar *a;

@@ -5,7 +5,7 @@
    primal nodes. A dof is numbered by the rank that builds its macro basis, or that has the lowest subdomain of its primal component.
 */
 
-/* Numbers the primal dofs of this rank, from 0; table[] brings the numbers to all copies. Collective on sub->object */
+/* Numbers the primal dofs of this rank, from 0. table[], zero before, brings 1 + number to all copies. Collective on sub->object */
 static PetscErrorCode LatinCoarseNumberPrimal_Private(LatinCoarse *coarse, PetscInt table[])
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -25,7 +25,7 @@ static PetscErrorCode LatinCoarseNumberPrimal_Private(LatinCoarse *coarse, Petsc
   PetscFunctionReturn(0);
 }
 
-/* The coarse dofs of each subdomain: macro modes, interface by interface, then primal dofs */
+/* Sets the ranges of the coarse dofs of each subdomain: macro modes, interface by interface, then primal dofs */
 static PetscErrorCode LatinCoarseOffsets_Private(LatinCoarse *coarse)
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -46,7 +46,7 @@ static PetscErrorCode LatinCoarseOffsets_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Global numbers: of each rank, its macros[] macro modes, then its primal dofs, numbered in table[] */
+/* Sets the global numbers: of each rank, its macros[] macro modes, then its primal dofs, numbered in table[] */
 static void LatinCoarseGlobal(LatinCoarse *coarse, PetscMPIInt size, const PetscInt macros[], const PetscInt table[])
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -73,7 +73,7 @@ static void LatinCoarseGlobal(LatinCoarse *coarse, PetscMPIInt size, const Petsc
   }
 }
 
-/* The coarse dofs of each subdomain here and their global numbers. Collective on sub->object */
+/* Numbers the coarse dofs of the subdomains. Collective on sub->object */
 PetscErrorCode LatinCoarseNumber(LatinCoarse *coarse)
 {
   const LatinSubdomains *sub  = coarse->sub;

@@ -1,26 +1,30 @@
 #include "coarse/latincoarse.h"
 
 /*
-   Assembly of a distributed matrix from overlapping parts. Each rank sends whole compressed rows to their owners, which add them in
-   the order of the ranks: reproducible to the bit. PETSc's COO assembly would store several numbers for each entry.
+   Assembly of a distributed matrix from overlapping parts:
+
+   1. Each rank sends whole compressed rows to their owners.
+   2. An owner adds them in the order of the ranks: reproducible to the bit.
+
+   PETSc's COO assembly would store several numbers for each entry.
 */
 
 /* Rows received from one rank */
 typedef struct {
   PetscMPIInt  rank;
-  PetscInt     rows, next; /* number of rows, next one to add */
+  PetscInt     rows, next; /* number of rows; next one to add, or, before the exchange, number of entries */
   PetscInt    *info, *j;   /* [rows][2] global number and length of each row; columns */
   PetscScalar *a;
 } LatinRows;
 
-/* The messages to send: for each owner to[], ascending, rows and entries size[][2], first row first[]. number[n] ascends */
+/* Lists the messages to send: *count owners to[], ascending; of each the number of rows and entries size[][2] and the first row first[]. number[n] ascends */
 static PetscErrorCode LatinRowsTo_Private(PetscLayout map, PetscInt n, const PetscInt number[], const PetscInt ki[], PetscMPIInt *count, PetscMPIInt to[], PetscInt size[], PetscInt first[])
 {
   const PetscInt *range;
   PetscMPIInt     ranks;
 
   PetscFunctionBegin;
-  *count = 0; /* first: the compiler takes an error below for a way to leave without it */
+  *count = 0; /* set first: the compiler would take an error below for a return without it */
   PetscCallMPI(MPI_Comm_size(map->comm, &ranks));
   PetscCall(PetscLayoutGetRanges(map, &range));
   for (PetscInt r = 0, q = 0, last; r < n; r = last) {
@@ -57,7 +61,7 @@ static PetscInt LatinRowsMerge(PetscInt n, PetscInt j[], PetscScalar a[], PetscI
   return count;
 }
 
-/* Exchanges rows: sends them to their owners, receives those owned here in from[], ascending ranks; own rows are not copied. Collective on map->comm */
+/* Sends rows to their owners and receives those owned here in from[], by ascending ranks. Own rows are not copied. Collective on map->comm */
 static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt info[], const PetscInt ki[], PetscInt kj[], PetscScalar ka[], PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], const PetscInt first[], PetscMPIInt froms,
                                                 LatinRows from[])
 {
@@ -100,7 +104,7 @@ static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt info[]
   PetscFunctionReturn(0);
 }
 
-/* from[]: the ranks to receive from, ascending; next holds the number of entries until the exchange. Collective on map->comm */
+/* Creates from[], the ranks to receive from, ascending; `next` holds the number of entries until the exchange. Collective on map->comm */
 static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], PetscMPIInt *froms, LatinRows **from)
 {
   PetscMPIInt *ranks;
@@ -120,7 +124,7 @@ static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, PetscMPIInt sends, 
   PetscFunctionReturn(0);
 }
 
-/* Sums the rows owned here: oi[rows + 1], oj[], oa[] */
+/* Sums the rows owned here in compressed rows oi[], oj[], oa[] */
 static PetscErrorCode LatinRowsAdd_Private(PetscLayout map, PetscMPIInt froms, LatinRows from[], PetscInt **oi, PetscInt **oj, PetscScalar **oa)
 {
   PetscInt *at, entries = 0, n = 0;
@@ -158,8 +162,8 @@ PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *part)
 }
 
 /*
-   A: the sum of the parts of the ranks, with row layout map; frees the part. number[part->rows]: global numbers of the rows and columns
-   of the part, ascending; columns of each row ascend. upper: A and the parts have the upper triangle alone. Collective on map->comm
+   Assembles A, the sum of the parts of the ranks, with row layout map; frees the part. number[part->rows]: global numbers of the rows and columns of
+   the part, ascending; columns of each row ascend. upper: A and the parts have the upper triangle alone. Collective on map->comm
 */
 PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinCoarsePart *part, PetscBool upper, Mat *A)
 {

@@ -3,36 +3,37 @@
 #include <petsc/private/matimpl.h>
 
 /*
-   Elimination along the tree of treeplan.c. A rank eliminates the unknowns that it alone has. Its contribution block, a dense matrix
-   of those that it shares, joins that of its partner; in this joint the unknowns of these two alone are eliminated; and so on. With i these
-   unknowns, b the others of the joint:
+   Elimination along the tree of coarse/treeplan.c. A rank eliminates the unknowns that it alone has. Its contribution block, a dense matrix of those
+   that it shares, joins that of its partner; in this joint the unknowns of these two ranks alone are eliminated; and so on. With i these unknowns, b
+   the others of the joint:
 
-     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the contribution block of the joint, which goes to the next one;
-     forward: y = L^-1 g_i,   g_b - Z y is sent;   backward: u_b comes back,   u_i = L^-t (y - Z^t u_b).
+     factor:    K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the contribution block, which goes to the next joint;
+     forward:   y = L^-1 g_i,   g_b - Z y is sent to the next joint;
+     backward:  u_b comes back,   u_i = L^-t (y - Z^t u_b).
 
    So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.
 
-   S is never there as a whole. All lists have their unknowns in the order in which joints eliminate them, so that columns come from
-   both groups in the order of the front that they are added to. A panel of columns is complete once these have come and earlier panels
-   have updated it (left-looking). Panels of the interior are then eliminated and kept; the others are sent on, one by one.
+   S is never stored as a whole. Unknowns are listed in the order in which joints eliminate them, so that the columns of both groups arrive in the order
+   of the front to which they are added. A panel of columns is complete once these have arrived and earlier panels have updated it (left-looking).
+   Panels of the interior are then eliminated and kept; the others are sent on, one by one.
 
-   There is no deadlock. Contribution blocks of parts are sent without waiting for it until the joints are done. Take the topmost joint that
-   waits: it has received all that a group below has sent so far. So the joint of that group does not wait to send, but to receive
+   There is no deadlock. Parts send their contribution blocks by nonblocking messages, and wait for these only when their joints are done. Take the
+   topmost joint that waits: it has received all that a group below has sent so far. So the joint of that group does not wait to send, but to receive
    from a group of its own; and so on down to a part, which has sent everything, or still computes.
 */
 
 /*
-   The contribution block of a part: its lower triangle, rows in the order of the joints, see LatinLowerAt(). It is sent by messages of
-   LATIN_FRONT_PANEL columns: large enough for latency not to count, small beside a front
+   Contribution block of a part: its lower triangle, rows in the order of the joints, see LatinLowerAt(). It is sent by messages of LATIN_FRONT_PANEL
+   columns: large enough to hide latency, small beside a front
 */
 typedef struct {
   PetscInt     n;
   PetscScalar *a;
-  PetscScalar *own;  /* to be freed: a */
-  Mat          part; /* or this, to be destroyed */
+  PetscScalar *own;  /* memory of a, to be freed, or NULL */
+  Mat          part; /* matrix that has the memory of a, to be destroyed, or NULL */
   PetscInt     messages;
   MPI_Request *sent; /* [messages] */
-  PetscMPIInt *gone; /* [messages] work */
+  PetscMPIInt *gone; /* [messages] work: messages that have been sent */
 } LatinContribution;
 
 /* Releases the memory of the columns of a message, which nobody reads any more */
@@ -43,7 +44,7 @@ static void LatinContributionEmpty(const LatinContribution *block, PetscInt mess
   LatinRoomRelease(block->a + start, (end - start) * sizeof(*block->a));
 }
 
-/* Starts to send all of it to the rank of the joint */
+/* Starts to send the whole block to the rank of the joint */
 static PetscErrorCode LatinContributionSend_Private(const LatinTree *tree, LatinContribution *block)
 {
   PetscFunctionBegin;
@@ -59,18 +60,18 @@ static PetscErrorCode LatinContributionSend_Private(const LatinTree *tree, Latin
   PetscFunctionReturn(0);
 }
 
-/* Releases what has been sent */
+/* Releases the memory of columns that have been sent */
 static PetscErrorCode LatinContributionSent_Private(LatinContribution *block)
 {
   PetscMPIInt count = 0;
 
   PetscFunctionBegin;
   if (block->messages) PetscCallMPI(MPI_Testsome((PetscMPIInt)block->messages, block->sent, &count, block->gone, MPI_STATUSES_IGNORE));
-  for (PetscMPIInt k = 0; k < count; k++) LatinContributionEmpty(block, block->gone[k]); /* MPI_UNDEFINED, which is negative: nothing is under way */
+  for (PetscMPIInt k = 0; k < count; k++) LatinContributionEmpty(block, block->gone[k]); /* negative (MPI_UNDEFINED) if nothing is being sent */
   PetscFunctionReturn(0);
 }
 
-/* Waits until all of it has been sent */
+/* Waits until the whole block has been sent, and frees it */
 static PetscErrorCode LatinContributionFree_Private(LatinContribution *block)
 {
   PetscFunctionBegin;
@@ -81,13 +82,13 @@ static PetscErrorCode LatinContributionFree_Private(LatinContribution *block)
   PetscFunctionReturn(0);
 }
 
-/* The contribution block of a group, which comes to a joint column by column */
+/* Contribution block of a group, which arrives at a joint column by column */
 typedef struct {
   PetscMPIInt        rank;
-  PetscInt           n, next; /* the next one, */
-  const PetscInt    *at;      /* [n] their rows in the front */
-  const PetscScalar *column;  /* from its diagonal on */
-  PetscScalar       *buffer;  /* room for a message; NULL: they are here */
+  PetscInt           n, next; /* number of columns; next one */
+  const PetscInt    *at;      /* [n] rows of the columns in the front */
+  const PetscScalar *column;  /* column `next`, from its diagonal on */
+  PetscScalar       *buffer;  /* room for a message; NULL: the block is on this rank */
 } LatinIncoming;
 
 static PetscErrorCode LatinIncomingCreate_Private(const LatinTree *tree, PetscInt k, LatinIncoming *incoming)
@@ -100,7 +101,7 @@ static PetscErrorCode LatinIncomingCreate_Private(const LatinTree *tree, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Adds those of its columns that come before column `last` of the front to the panel that begins with column c */
+/* Adds the columns of a group that come before column `last` of the front to the panel that begins with column c. block: that of this rank */
 static PetscErrorCode LatinIncomingAdd_Private(const LatinTree *tree, const LatinContribution *block, PetscInt c, PetscInt last, LatinIncoming *incoming, PetscScalar panel[])
 {
   const PetscInt n = incoming->n, *at = incoming->at;
@@ -123,7 +124,7 @@ static PetscErrorCode LatinIncomingAdd_Private(const LatinTree *tree, const Lati
   PetscFunctionReturn(0);
 }
 
-/* The left-looking update of some columns from r on by the interior columns before them */
+/* Updates `some` columns to[], rows from r on, by the interior columns before them (left-looking) */
 static PetscErrorCode LatinJointUpdate_Private(const LatinJoint *joint, const PetscScalar L[], PetscInt r, PetscInt some, PetscScalar to[])
 {
   const PetscScalar  one = 1.0, minus = -1.0;
@@ -139,7 +140,7 @@ static PetscErrorCode LatinJointUpdate_Private(const LatinJoint *joint, const Pe
   PetscFunctionReturn(0);
 }
 
-/* Eliminates a panel of `some` interior columns from c on, which is complete; *bad: it is not positive definite */
+/* Eliminates a complete panel of `some` interior columns from c on. *bad: it is not positive definite */
 static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, PetscInt c, PetscInt some, PetscScalar panel[], PetscBool *bad)
 {
   const PetscScalar  one  = 1.0;
@@ -155,7 +156,7 @@ static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Sends `some` columns of the contribution block from c on, each from its diagonal on, to the next joint */
+/* Sends `some` columns of the contribution block from c on to the next joint, each from its diagonal on. Overwrites panel */
 static PetscErrorCode LatinJointSend_Private(const LatinTree *tree, PetscInt c, PetscInt some, PetscScalar panel[])
 {
   const PetscInt height = tree->joint->rows - c;
@@ -169,7 +170,7 @@ static PetscErrorCode LatinJointSend_Private(const LatinTree *tree, PetscInt c, 
   PetscFunctionReturn(0);
 }
 
-/* The front as one of localsolvers/fronts.c, whose lists are those of all rows */
+/* Creates the front of a joint as the only front of localsolvers/fronts.c, which lists all rows */
 static PetscErrorCode LatinJointFront_Private(LatinJoint *joint)
 {
   const PetscInt rows = joint->rows;
@@ -184,7 +185,7 @@ static PetscErrorCode LatinJointFront_Private(LatinJoint *joint)
   PetscFunctionReturn(0);
 }
 
-/* Keeps the interior columns L as the factor of the joint; rounded, if single precision holds their pivots */
+/* Keeps the interior columns L as the factor of the joint; in single precision if `rounded` and their pivots fit. Releases the memory of L */
 static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounded, PetscScalar L[])
 {
   PetscFunctionBegin;
@@ -193,7 +194,10 @@ static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounde
   PetscFunctionReturn(0);
 }
 
-/* The contribution block of a part with rows of its own, which its factor eliminates; takes K over. at[]: shared rows in the part; out, in the block */
+/*
+   Computes the contribution block of a part with rows of its own, which its factor eliminates. Takes K over. at[rest]: in, shared rows in the part;
+   out, in the block. *bad: the part is not positive definite
+*/
 static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscInt at[], PetscBool *bad)
 {
   MatFactorInfo info;
@@ -223,7 +227,7 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContr
   PetscCall(MatDestroy(&A));
   PetscCall(LatinCholeskyTakeLower(tree->part, &block->own));
   block->a = block->own;
-  PetscCall(PetscCalloc1(tree->n, &place)); /* in the Schur complement, whose rows ascend as in the part */
+  PetscCall(PetscCalloc1(tree->n, &place)); /* place in the Schur complement, whose rows ascend as in the part */
   for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;
   for (PetscInt r = 0, k = 0; r < tree->n; r++)
     if (place[r]) place[r] = k++;
@@ -232,7 +236,7 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContr
   PetscFunctionReturn(0);
 }
 
-/* The contribution block of a part without rows of its own: all of it. Takes K over, and its memory unless K is referenced elsewhere */
+/* Makes all of K the contribution block of a part without rows of its own. Takes K over, and its memory unless K is referenced elsewhere */
 static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContribution *block)
 {
   const size_t n      = (size_t)tree->rest;
@@ -252,7 +256,7 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContri
     PetscCall(MatDestroy(&K));
   }
   PetscCall(MatDenseGetLDA(block->part, &ld));
-  PetscCall(MatDenseGetArrayRead(block->part, (const PetscScalar **)&from)); /* which the matrix keeps */
+  PetscCall(MatDenseGetArrayRead(block->part, (const PetscScalar **)&from)); /* the matrix keeps it, and may be overwritten */
   if (owners > 1) PetscCall(PetscMalloc1(LatinPanelSize(1, tree->rest, tree->rest), &block->own));
   block->a = owners > 1 ? block->own : from;
   for (size_t c = 0; c < n; c++)
@@ -262,11 +266,11 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContri
   PetscFunctionReturn(0);
 }
 
-/* Row at[r] of a lower triangle becomes row r, and columns as well: in place, for it may be as large as the factor */
+/* Permutes a lower triangle: row and column at[r] become row and column r. In place, as it may be as large as the factor */
 static PetscErrorCode LatinContributionOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
 {
   PetscBool sorted = PETSC_TRUE;
-  char     *there; /* for each entry */
+  char     *there; /* for each entry, whether it is in place */
 
   PetscFunctionBegin;
   for (PetscInt r = 0; r < n && sorted; r++) sorted = (PetscBool)(at[r] == r);
@@ -278,7 +282,7 @@ static PetscErrorCode LatinContributionOrder_Private(PetscInt n, const PetscInt 
       const PetscScalar first = a[start];
       size_t            to    = start;
 
-      for (PetscInt i = r, j = c; !there[to];) { /* a cycle */
+      for (PetscInt i = r, j = c; !there[to];) { /* a cycle of the permutation */
         const PetscInt high = PetscMax(at[i], at[j]), low = PetscMin(at[i], at[j]);
         const size_t   from = LatinLowerAt(n, low) + (size_t)high;
 
@@ -293,7 +297,7 @@ static PetscErrorCode LatinContributionOrder_Private(PetscInt n, const PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The contribution block of this rank's part. Takes K over */
+/* Computes the contribution block of this rank's part. Takes K over */
 static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscBool *bad)
 {
   PetscInt *at;
@@ -310,8 +314,8 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinContrib
 }
 
 /*
-   The front of the joint, panel by panel, from what comes and from the block of this rank: panels of the interior are eliminated, the
-   others are sent on. They are sent even where the front is not positive definite, for the next joint waits
+   Factors the front of the joint, panel by panel, from the blocks that arrive and that of this rank: panels of the interior are eliminated, the others
+   are sent on, even if the front is not positive definite (*bad), as the next joint waits
 */
 static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinContribution *block, PetscBool *bad)
 {
@@ -346,7 +350,10 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, 
   PetscFunctionReturn(0);
 }
 
-/* Factors the sum of the parts K, which it takes over; joints are rounded to single precision or not. *bad, on all ranks or on none: it is not positive definite. Collective on tree->comm */
+/*
+   Factors the sum of the parts K, which it takes over. rounded: joints are stored in single precision. *bad, on all ranks or on none: it is not
+   positive definite. Collective on tree->comm
+*/
 PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K, PetscBool *bad)
 {
   LatinContribution block;
@@ -361,7 +368,7 @@ PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K
   PetscFunctionReturn(0);
 }
 
-/* Sends w to another rank or receives it, forces of a group on the way up, displacements on the way down; nothing where they stay */
+/* Sends w[n] to another rank or receives it: forces of a group on the way up, displacements on the way down. Nothing if they stay on this rank */
 static PetscErrorCode LatinTreePass_Private(const LatinTree *tree, PetscMPIInt other, PetscInt n, PetscBool send)
 {
   PetscMPIInt length;
@@ -374,7 +381,10 @@ static PetscErrorCode LatinTreePass_Private(const LatinTree *tree, PetscMPIInt o
   PetscFunctionReturn(0);
 }
 
-/* Both halves of the solve at the joint: adds the forces of both groups, eliminates, sends the rest up, gets displacements back and gives each group its own. w: in, forces of the part here; out, its displacements, where the joint is that of the part */
+/*
+   Performs both halves of the solve at the joint: adds the forces of both groups, eliminates, sends the rest up, receives displacements and gives each
+   group its own. tree->w: in, forces of the part of this rank; out, its displacements, if its joint is this one
+*/
 static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
 {
   LatinJoint    *joint = tree->joint;
@@ -383,7 +393,7 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(joint->x, joint->rows));
-  for (PetscInt p = 0; p < 2; p++) { /* the group here first: what is received overwrites w */
+  for (PetscInt p = 0; p < 2; p++) { /* the group of this rank first: messages overwrite w */
     const PetscInt  k  = joint->from[1] == tree->rank ? 1 - p : p;
     const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
 
@@ -396,7 +406,7 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
   PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_FALSE));
   PetscCall(PetscArraycpy(joint->x + joint->interior, w, out));
   PetscCall(LatinFrontsSolve(&joint->front, PETSC_FALSE, PETSC_TRUE, 1, joint->x, 0, NULL));
-  for (PetscInt p = 0; p < 2; p++) { /* the group here last, as w is its result */
+  for (PetscInt p = 0; p < 2; p++) { /* the group of this rank last: its result stays in w */
     const PetscInt  k  = joint->from[1] == tree->rank ? p : 1 - p;
     const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
 
@@ -406,7 +416,7 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
   PetscFunctionReturn(0);
 }
 
-/* x = A^-1 b, of which each rank has its own rows. Collective on tree->comm */
+/* Computes x = A^-1 b; each rank has the rows that it owns. Collective on tree->comm */
 PetscErrorCode LatinTreeSolve_Private(LatinTree *tree, const PetscScalar b[], PetscScalar x[])
 {
   PetscReal energy = 0.0;

@@ -1,9 +1,9 @@
 #include "coarse/tree.h"
 #include <petsc/private/matimpl.h>
 
-/* The MatSolverType LATIN_TREE of a MATIS whose local matrices have all rows that their ranks own: the factor of tree.h as PETSc's. */
+/* The MatSolverType LATIN_TREE: the factor of coarse/tree.h as a Mat. It factors a MATIS whose local matrices have all rows that their ranks own. */
 
-/* The local matrix of A, to be destroyed; *release: a shell composed with A (LATIN_TREE_RELEASED) replaces it */
+/* Gets the local matrix K of A, which the caller destroys. *release: a shell composed with A (LATIN_TREE_RELEASED) has replaced it */
 static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K, PetscBool *release)
 {
   PetscObjectState state;
@@ -19,7 +19,7 @@ static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K, PetscBool *release)
   if (!shell) PetscFunctionReturn(0);
   PetscCall(PetscObjectStateGet((PetscObject)A, &state));
   PetscCall(MatISSetLocalMat(A, shell));
-  PetscCall(PetscObjectStateSet((PetscObject)A, state)); /* the factor stays */
+  PetscCall(PetscObjectStateSet((PetscObject)A, state)); /* keep the factor */
   PetscFunctionReturn(0);
 }
 

@@ -1,26 +1,31 @@
 #include "coarse/tree.h"
 
 /*
-   How the fronts of the ranks are joined. Ranks are the vertices of a graph, whose edges are as heavy as the unknowns that two
-   ranks share. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two
-   share anything. A group of ranks has one joint less than ranks: each rank gets one at most, so that none has several fronts. The
-   higher a joint, the larger is its front: those go to ranks that share few unknowns, and so have the smaller factors of their parts.
-   Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known. An unknown is
-   eliminated at the level of the graphs where all ranks that have it are in one group: no joint above that has it.
+   How the fronts of the ranks are joined. Every rank makes the same plan:
+
+   1. Ranks are the vertices of a graph, whose edges are as heavy as the number of unknowns that two ranks share.
+   2. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two share anything.
+   3. A group of ranks has one joint less than ranks, so each rank gets one at most. The higher a joint, the larger is its front: it goes to a rank that
+      shares few unknowns, and so has a small factor of its part.
+   4. An unknown is eliminated at the level of the graph where all ranks that have it are in one group: no joint above has it.
+   5. Lists of unknowns go the way that fronts will go: so the rows of each front are known, and its cost.
 */
 
-#define LATIN_TREE_RATE      5e9  /* additions and multiplications of dense blocks, a second */
+#define LATIN_TREE_RATE      5e9  /* additions and multiplications of dense blocks, a second; the choice of the solver alone depends on it */
 #define LATIN_TREE_BANDWIDTH 1e10 /* bytes of a factor that a core reads in a second */
 #define LATIN_TREE_LATENCY   2e-6 /* seconds of a message */
-#define LATIN_TREE_MESSAGES  10   /* of a rank in a solve that all ranks share, for each doubling of the ranks */
-#define LATIN_TREE_SHARE     0.25 /* of P ranks, what P times one would do in a factorisation that all share */
-#define LATIN_TREE_LONGER    2.0  /* times as long as that the tree may take, for its memory: on 16 ranks MUMPS makes the peak of a rank 1.7 to 2.4 times as large */
+/* messages of a rank in a solve that all ranks share, for each doubling of the ranks; MUMPS: 18 to 55 on 4, 40 to 88 on 8 ranks */
+#define LATIN_TREE_MESSAGES 10
+/* efficiency of the ranks in a factorisation that all share; MUMPS: 0.46 to 0.65, before ranks wait for each other */
+#define LATIN_TREE_SHARE 0.25
+/* most time that the tree may take, relative to that, for its memory: on 16 ranks MUMPS makes the peak of a rank 1.7 to 2.4 times as large */
+#define LATIN_TREE_LONGER 2.0
 
 typedef struct {
-  PetscInt a, b, shared; /* ranks, a < b */
+  PetscInt a, b, shared; /* two ranks a < b, and the number of unknowns that they share */
 } LatinEdge;
 
-/* Unknowns in the order in which joints eliminate them: level of the joint, number, row in the part */
+/* Shared unknown, sorted in the order in which joints eliminate them: level of the joint, global number, row in the part */
 typedef struct {
   PetscInt level, number, row;
 } LatinShared;
@@ -50,7 +55,7 @@ static int LatinSharedCompare(const void *p, const void *q)
   return a->number < b->number ? -1 : a->number > b->number;
 }
 
-/* All edges, on every rank. Collective on map */
+/* Gathers all edges on every rank. Collective on map */
 static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscInt *edges, LatinEdge **edge)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)map);
@@ -79,7 +84,10 @@ static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Two groups, by their lowest ranks a < b, join at one of the two ranks that have no joint yet, the one that shares more; has[]: who has the front of a group */
+/*
+   Joins two groups, named by their lowest ranks a < b, at one of their two ranks without a joint: the one that shares more. has[]: rank with the front
+   of a group; idle[]: its rank without a joint
+*/
 static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, PetscInt a, PetscInt b, const PetscInt shared[], PetscMPIInt has[], PetscMPIInt idle[])
 {
   const PetscBool   first = (PetscBool)(shared[idle[a]] >= shared[idle[b]]);
@@ -99,7 +107,7 @@ static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, Pet
   PetscFunctionReturn(0);
 }
 
-/* Edges of groups that have joined become one, in order; returns how many are left */
+/* Contracts the edges: those of groups that have joined become one, in order; to[]: lowest rank of the new group, -1: not joined. Returns their number */
 static PetscInt LatinTreeContract(PetscInt edges, LatinEdge edge[], const PetscInt to[])
 {
   PetscInt kept = 0;
@@ -118,7 +126,10 @@ static PetscInt LatinTreeContract(PetscInt edges, LatinEdge edge[], const PetscI
   return kept;
 }
 
-/* The joint of this rank, and where its part and that go; met[]: the level at which it is in one group with each other rank, 0: never */
+/*
+   Finds the joint of this rank, and the ranks that take its part and the contribution block of its joint. met[]: level at which it gets into one group
+   with each other rank, 0: never
+*/
 static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[], PetscInt met[])
 {
   PetscMPIInt size, *has, *idle;
@@ -152,7 +163,7 @@ static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, Lat
   PetscFunctionReturn(0);
 }
 
-/* The level at which each row of the part of this rank is eliminated; it stays 0 where no other rank has it. Collective on map */
+/* Sets the level at which each row of the part of this rank is eliminated; 0 if no other rank has it. level[n] is zero before. Collective on map */
 static PetscErrorCode LatinTreeLevels_Private(ISLocalToGlobalMapping map, const PetscInt met[], PetscInt level[])
 {
   PetscInt near, *procs, *shared, **rows;
@@ -165,7 +176,7 @@ static PetscErrorCode LatinTreeLevels_Private(ISLocalToGlobalMapping map, const 
   PetscFunctionReturn(0);
 }
 
-/* The rows of the part of this rank: where they are in vectors, and those that others have as well, as a list that the caller frees. Collective on tree->comm */
+/* Sets tree->owned, tree->rest and tree->row from the rows of the part. *list: the shared ones, which the caller frees. Collective on tree->comm */
 static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapping map, PetscLayout layout, const PetscInt level[], LatinShared **list)
 {
   const PetscInt *number;
@@ -200,7 +211,7 @@ static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapp
   PetscFunctionReturn(0);
 }
 
-/* The rows of a joint from the lists of its groups, which go; *list: of these rows */
+/* Sets the rows of a joint from the lists of its groups, which are freed. *list: the rows */
 static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, LatinShared *lists[2], LatinShared **list)
 {
   const PetscInt m = joint->n[0], t = joint->n[1];
@@ -222,7 +233,7 @@ static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, LatinShared *li
   PetscFunctionReturn(0);
 }
 
-/* What a joint takes comes after what both of its groups have taken: path, operations, entries, messages */
+/* Adds the cost of a joint, which comes after the costs of[] of both groups. path: operations, entries, messages along the longest path */
 static void LatinJointCost(const LatinJoint *joint, PetscReal of[2][3], PetscReal path[3], LatinTreeCost *cost)
 {
   const PetscReal in = (PetscReal)joint->interior, out = (PetscReal)(joint->rows - joint->interior);
@@ -236,7 +247,7 @@ static void LatinJointCost(const LatinJoint *joint, PetscReal of[2][3], PetscRea
   cost->most = PetscMax(cost->most, (PetscReal)joint->rows);
 }
 
-/* Of all ranks, and what that is in time; path: of this rank. Collective on tree->comm */
+/* Sums the cost over all ranks and predicts the times. path: that of this rank. Collective on tree->comm */
 static PetscErrorCode LatinTreeCost_Private(LatinTree *tree, const PetscReal path[3])
 {
   PetscReal      sum[2] = {tree->cost.operations, tree->cost.entries}, sent = tree->to >= 0 && tree->to != tree->rank ? 1.0 : 0.0, most[5];
@@ -259,7 +270,7 @@ static PetscErrorCode LatinTreeCost_Private(LatinTree *tree, const PetscReal pat
   PetscFunctionReturn(0);
 }
 
-/* A list of unknowns, with what they have taken, to another rank */
+/* Sends a list of unknowns, with the cost that they have taken, to another rank */
 static PetscErrorCode LatinTreeSend_Private(const LatinTree *tree, PetscMPIInt to, PetscInt n, const LatinShared list[], const PetscReal path[3])
 {
   PetscMPIInt length;
@@ -286,7 +297,7 @@ static PetscErrorCode LatinTreeReceive_Private(const LatinTree *tree, PetscMPIIn
   PetscFunctionReturn(0);
 }
 
-/* Rows of the joint, in the order in which they will be eliminated; what all take, on all ranks. Takes the list of the part over. Collective on tree->comm */
+/* Sets the rows of the joint, in the order of elimination, and the cost, of all ranks. Takes over the list of the part. Collective on tree->comm */
 static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
 {
   PetscReal    path[3] = {0.0, 0.0, 0.0}, of[2][3] = {{0.0}};
@@ -319,7 +330,7 @@ static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
   PetscFunctionReturn(0);
 }
 
-/* The plan for parts with these numbers of rows that the layout shares out. Collective on map */
+/* Makes the plan for parts with rows `map` of a matrix with row layout `layout`. Collective on map */
 PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout layout, LatinTree *tree)
 {
   PetscInt     edges = 0, *level, *met;
@@ -344,7 +355,10 @@ PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout lay
   PetscFunctionReturn(0);
 }
 
-/* Is the tree predicted to take no more time than its memory is worth beside a factorisation that all ranks share, for a matrix that there is not yet? Collective on comm */
+/*
+   Sets *pays: whether the tree takes, by prediction, at most LATIN_TREE_LONGER times as long as a factorisation that all ranks share. number[n]: rows
+   of the part of this rank; there is no matrix yet. Collective on comm
+*/
 PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt n, const PetscInt number[], PetscLayout layout, PetscBool *pays)
 {
   ISLocalToGlobalMapping map;
