@@ -1,24 +1,31 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   The symbolic analysis of a sparse matrix, by CHOLMOD: the order of elimination, with the kept rows at its end, and the
-   fronts. Of nodes where it can be, whose graph has up to bs^2 times fewer entries than that of the rows.
+   Symbolic analysis of a sparse matrix, by CHOLMOD, if possible of the graph of nodes, which has up to bs^2 times fewer entries than that of the rows:
+
+   1. The kept rows.
+   2. The order of elimination (localsolvers/ordering.c), kept rows at its end.
+   3. The supernodes, which become fronts (localsolvers/fronts.c).
 */
 
 #if LATIN_CHOLMOD
 
   #include "localsolvers/supernodes.h"
 
-  #define LATIN_CHOLESKY_FULL    0.25 /* share of entries from which no order is looked for */
-  #define LATIN_CHOLESKY_COUPLED 1.1  /* times the entries of fields apart from each other: from there on elimination fills the blocks of the nodes, which are then analysed whole. Structures: 1.2 (lattice), 1.5 (grid) to 3 */
+  #define LATIN_CHOLESKY_FULL 0.25 /* share of nonzero entries from which a factor is full, whatever the order: none is computed */
+  /*
+     entries relative to those of bs fields apart from each other, from which elimination fills the blocks of nodes, which are then analysed as wholes.
+     Structures: 1.2 (lattice), 1.5 (grid) to 3 (network)
+  */
+  #define LATIN_CHOLESKY_COUPLED 1.1
 
-/* The pattern of a symmetric matrix as CHOLMOD sees it: of both triangles it reads one */
+/* Wraps the pattern of a symmetric matrix for CHOLMOD, which reads one of both triangles */
 static void LatinCholeskyWrap(PetscInt n, const PetscInt i[], const PetscInt j[], cholmod_sparse *A)
 {
   *A = (cholmod_sparse){.nrow = (size_t)n, .ncol = (size_t)n, .nzmax = (size_t)i[n], .p = (void *)i, .i = (void *)j, .stype = 1, .itype = CHOLMOD_NUMBER, .xtype = CHOLMOD_PATTERN, .dtype = CHOLMOD_DOUBLE, .packed = 1};
 }
 
-/* The symbolic analysis for an order of elimination; without one, for the order as it is */
+/* Analyses A for an order of elimination; NULL: for the natural order. Sets data->L */
 static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmod_sparse *A, PetscInt order[], PetscBool postorder)
 {
   cholmod_common *common = &data->common;
@@ -34,7 +41,7 @@ static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmo
   PetscFunctionReturn(0);
 }
 
-/* The supernodes for an order of elimination with the kept rows, or nodes, at the end; keep: NULL, or these */
+/* Finds the supernodes for an order of elimination with the kept rows, or nodes, at the end. keep: NULL, or whether each is kept. Overwrites order */
 static PetscErrorCode LatinCholeskySupernodes_Private(LatinSupernodes *data, cholmod_sparse *A, const PetscBool keep[], PetscInt order[])
 {
   const PetscInt *post, n = (PetscInt)A->nrow;
@@ -43,7 +50,7 @@ static PetscErrorCode LatinCholeskySupernodes_Private(LatinSupernodes *data, cho
   PetscFunctionBegin;
   PetscCall(LatinCholeskyAnalyze_Private(data, A, order, PETSC_TRUE));
   if (!keep) PetscFunctionReturn(0);
-  /* postorder moves what is kept: it goes back to the end, each after those that it depends on as before */
+  /* postorder moves kept rows: they go back to the end, each after those on which it depends */
   post = (const PetscInt *)data->L->Perm;
   for (PetscInt r = 0; r < n; r++)
     if (!keep[post[r]]) order[at++] = post[r];
@@ -61,7 +68,7 @@ PetscErrorCode LatinSupernodesReset(LatinSupernodes *data)
   PetscFunctionReturn(0);
 }
 
-/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each */
+/* Creates the fronts from the supernodes data->L, whose columns are nodes of bs rows each. Frees data->L */
 static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscInt bs)
 {
   const PetscInt *super = (const PetscInt *)data->L->super, *begin = (const PetscInt *)data->L->pi, fronts = (PetscInt)data->L->nsuper, entries = begin[fronts];
@@ -82,7 +89,7 @@ static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* By nodes, whose graph has up to bs^2 times fewer entries, where elimination couples all the unknowns of two nodes: *done. Else nothing */
+/* Analyses the graph of the nodes, if elimination couples all unknowns of two nodes (*done); else nothing. Overwrites order */
 static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscInt order[], PetscBool *done)
 {
   const PetscInt nodes = data->n / bs;
@@ -102,7 +109,7 @@ static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt
     }
     for (PetscInt k = 0; k < 3; k++) {
       relaxed[k]             = data->common.nrelax[k];
-      data->common.nrelax[k] = relaxed[k] / (size_t)bs; /* columns, which are nodes here */
+      data->common.nrelax[k] = relaxed[k] / (size_t)bs; /* numbers of columns, which are nodes here */
     }
     LatinCholeskyWrap(nodes, first, list, &pattern);
     PetscCall(LatinCholeskySupernodes_Private(data, &pattern, data->kept ? keep : NULL, order));
@@ -114,7 +121,7 @@ static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* By rows. order: NULL, or an order of elimination with what is kept at the end */
+/* Analyses the rows. order: NULL, or an order of elimination with kept rows at the end; overwritten */
 static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], PetscInt order[])
 {
   cholmod_sparse pattern;
@@ -126,7 +133,10 @@ static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const Pet
   PetscFunctionReturn(0);
 }
 
-/* An order of elimination of the nodes, *order[n], or NULL where the matrix is nearly full; kept with the matrix, and taken from it where it has one already */
+/*
+   Creates an order of elimination *order[n], composed on the matrix, or copies the one composed on it; NULL if the matrix is nearly full. The caller
+   frees it
+*/
 static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
 {
   const PetscInt *before;
@@ -151,8 +161,8 @@ static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Ma
 }
 
 /*
-   Which rows are kept: the requested ones, and of their nodes those that are coupled to nothing, as prescribed
-   displacements are. *whole: nodes of bs rows are then kept as wholes, or not at all
+   Marks the kept rows: the requested ones, and those of their nodes that are coupled to nothing, as prescribed displacements are. *whole: whether each
+   node of bs rows is then kept as a whole, or not at all
 */
 static PetscErrorCode LatinCholeskyKept_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscBool *whole)
 {
@@ -175,7 +185,7 @@ static PetscErrorCode LatinCholeskyKept_Private(LatinSupernodes *data, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fronts of the factor of A, for the requested rows of the Schur complement */
+/* Computes the fronts of the factor of A, for the requested rows of the Schur complement */
 PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *data, Mat A)
 {
   const PetscInt *i, *j;

@@ -6,7 +6,7 @@
    memory.
 */
 
-/* Number of members of a batch from m on that are consecutive subdomains, at most LATIN_BATCH_COLUMNS: their data are columns of one array */
+/* Returns the number of consecutive subdomains in a batch from member m on, at most LATIN_BATCH_COLUMNS: their data are columns of one array */
 PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
 {
   PetscInt n = 1;
@@ -106,7 +106,7 @@ PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *solvers)
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(n, &before));
   for (PetscInt i = 0; i < n; i++) {
-    if (!solvers->ksp[i]) continue; /* the set-up failed before it */
+    if (!solvers->ksp[i]) continue; /* the set-up failed before this batch */
     before[i] = (LatinRetired){.rows = solvers->rows[i], .K = solvers->K[i], .ksp = solvers->ksp[i], .kept = solvers->rest[i]};
     PetscCall(PetscMemzero(&solvers->rows[i], sizeof(solvers->rows[i])));
     solvers->K[i]    = NULL;
@@ -184,7 +184,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Passes the callbacks of the owner of the matrix entries to the factor of a batch with a Schur complement */
+/* Passes the callback of the owner of the entries to the factor of a batch with a Schur complement */
 static PetscErrorCode LatinLocalCallback_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
   PC  pc;
@@ -198,8 +198,8 @@ static PetscErrorCode LatinLocalCallback_Private(LatinLocalSolvers *solvers, Pet
 }
 
 /*
-   Creates or reuses matrices and solvers, and factors them. name: "local" or "interior", the prefix of the options; once: a
-   preconditioner that is not a factorisation is applied once. A failure on this rank is in solvers->status.
+   Creates or reuses matrices and solvers, and factors them. name: "local" or "interior", the prefix of the options; once: a preconditioner that is not
+   a factorisation is applied once. solvers->status: a failure on this rank
 */
 PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
@@ -237,8 +237,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
 }
 
 /*
-   Factors again: all batches, as their Schur complements have been given away, and those of the lowest precision of any rank in the
-   next higher one. A failure on this rank is in solvers->status. Collective on sub->object
+   Factors again: all batches, as their Schur complements have been given away; those of the lowest precision of any rank in the next higher one.
+   solvers->status: a failure on this rank. Collective on sub->object
 */
 PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
 {
@@ -263,7 +263,7 @@ PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
   PetscFunctionReturn(0);
 }
 
-/* U = K^-1 g on the copies of the subdomains of one batch */
+/* Computes U = K^-1 g on the copies of the subdomains of batch i */
 PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal g[], PetscReal U[])
 {
   const LatinSubdomains *sub     = solvers->sub;
@@ -293,7 +293,7 @@ PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, c
   PetscFunctionReturn(0);
 }
 
-/* U = K^-1 g for all subdomains here */
+/* Computes U = K^-1 g for all subdomains on this rank */
 PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *solvers, const PetscReal g[], PetscReal U[])
 {
   PetscFunctionBegin;

@@ -1,13 +1,12 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   The MatSolverType LATIN_CHOLESKY of sequential matrices: multifrontal Cholesky (localsolvers/fronts.c) with CHOLMOD's symbolic
-   analysis (localsolvers/analysis.c). What it does beyond CHOLMOD's own factorisation, which takes as long on one thread: it orders
-   nodes, not degrees of freedom; the factor may be in single precision; some rows may be kept to the last (MatFactorSetSchurIS()) and
-   give their Schur complement; and the halves of a solve can be called one by one, with the kept rows between them. So one
-   elimination of the interior of a subdomain serves all that is done on its interfaces.
+   The MatSolverType LATIN_CHOLESKY of sequential matrices: multifrontal Cholesky (localsolvers/fronts.c) with CHOLMOD's symbolic analysis
+   (localsolvers/analysis.c). CHOLMOD's own factorisation takes as long on one thread. This one orders nodes, not dofs; the factor may be in single
+   precision; some rows may be kept to the last (MatFactorSetSchurIS()) and give their Schur complement; and the halves of a solve can be called one by
+   one, with the kept rows between them. So one elimination of the interior of a subdomain serves all that is done on its interfaces.
 
-   MatSolve() where rows are kept leaves out their couplings: they have their diagonal alone.
+   If rows are kept, MatSolve() leaves out their couplings: it divides them by their diagonal alone.
 */
 
 #if LATIN_CHOLMOD
@@ -15,7 +14,7 @@
   #include <petsc/private/matimpl.h>
   #include "localsolvers/supernodes.h"
 
-/* What a solve takes for the kept rows alone */
+/* Sets the diagonal by which MatSolve() divides the kept rows; 1 if an entry is not positive */
 static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], const PetscScalar a[])
 {
   for (PetscInt r = 0, at = 0; r < data->n; r++) {
@@ -57,7 +56,8 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscFunctionBegin;
   PetscCall(MatDestroy(&F->schur));
   PetscCall(PetscFree(data->schur));
-  PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &data->schur)); /* half of it is touched once the fronts are gone */
+  /* the upper half is not touched before the work space of the fronts is freed */
+  PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &data->schur));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
@@ -76,14 +76,14 @@ static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const
 {
   PetscFunctionBegin;
   PetscCall(LatinSupernodesAnalyze((LatinSupernodes *)F->data, A));
-  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_PLACES, NULL)); /* which the order alone is made from */
+  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_PLACES, NULL)); /* coordinates only serve to compute the order */
   F->ops->choleskyfactornumeric = LatinCholeskyNumeric_Private;
   PetscFunctionReturn(0);
 }
 
 /* ---- solves ---- */
 
-/* X = A^-1 B for columns, ld apart, in place */
+/* Computes X = A^-1 B in place, for columns that are ld apart */
 static PetscErrorCode LatinCholeskyColumns_Private(Mat F, PetscInt columns, PetscReal b[], size_t ld)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -123,7 +123,10 @@ static PetscErrorCode LatinCholeskyMatSolve_Private(Mat F, Mat B, Mat X)
   PetscFunctionReturn(0);
 }
 
-/* The first half, in place: the forces g of all rows become those on the kept rows, and what the second half needs on the others. Adds the energy of the solution with the kept rows held */
+/*
+   Performs the first half of a solve, in place: the forces g of all rows become those on the kept rows, and intermediate values for the second half on the
+   others. Adds the energy of the solution with the kept rows held to *energy
+*/
 PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -133,7 +136,7 @@ PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
   PetscFunctionReturn(0);
 }
 
-/* The second: g, with the displacements of the kept rows in their places, becomes those of all rows. Where no row is kept it is all of the solve */
+/* Performs the second half: g, with the displacements of the kept rows in their places, becomes those of all rows. If no row is kept, it does the whole solve */
 PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -143,7 +146,7 @@ PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
   PetscFunctionReturn(0);
 }
 
-/* The order of elimination: order[r] is the row of the matrix that comes r-th. It is F's */
+/* Gets the order of elimination: row order[r] of the matrix comes r-th. Borrowed from F */
 PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
 {
   PetscFunctionBegin;
@@ -151,7 +154,7 @@ PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
   PetscFunctionReturn(0);
 }
 
-/* All of the solve for right-hand sides that are zero but in some rows, and the solution there, see LatinFrontsSolveSome() */
+/* Solves for right-hand sides that are zero but in some rows, and reads the solution there, see LatinFrontsSolveSome() */
 PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
 {
   PetscFunctionBegin;
@@ -159,7 +162,7 @@ PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[]
   PetscFunctionReturn(0);
 }
 
-/* All of the solve for right-hand sides beside each other, see LatinFrontsSolveLanes(); no row is kept */
+/* Solves for interleaved right-hand sides, see LatinFrontsSolveLanes(); no row is kept */
 PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], PetscReal square[])
 {
   PetscFunctionBegin;
@@ -167,7 +170,7 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   PetscFunctionReturn(0);
 }
 
-/* Keeps the lower triangle of the Schur complement alone, until it is taken over: half of its room. There is no F->schur */
+/* Stores the lower triangle of the Schur complement alone, without F->schur, until it is taken over: half of the memory */
 PetscErrorCode LatinCholeskySetLower(Mat F)
 {
   PetscFunctionBegin;
@@ -175,7 +178,7 @@ PetscErrorCode LatinCholeskySetLower(Mat F)
   PetscFunctionReturn(0);
 }
 
-/* Sets the callback that releases the entries of its matrix, see LatinEntriesCallback */
+/* Sets the callback that releases the entries of the matrix, see LatinEntriesCallback */
 PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
 {
   PetscFunctionBegin;
@@ -183,7 +186,10 @@ PetscErrorCode LatinCholeskySetCallback(Mat F, LatinEntriesCallback callback)
   PetscFunctionReturn(0);
 }
 
-/* The caller takes the lower triangle of the Schur complement over, *S (of the requested rows, see LatinLowerAt()), with room for both, and frees it: it may be as large as the factor, and is used once */
+/*
+   Gives the lower triangle *S of the Schur complement, of the requested rows, see LatinLowerAt(), to the caller, who frees it: it may be as large as
+   the factor, and is used once. The array has room for both triangles
+*/
 PetscErrorCode LatinCholeskyTakeLower(Mat F, PetscReal **S)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -195,7 +201,7 @@ PetscErrorCode LatinCholeskyTakeLower(Mat F, PetscReal **S)
   PetscFunctionReturn(0);
 }
 
-/* The same, both triangles, column-major */
+/* The same with both triangles, column-major */
 PetscErrorCode LatinCholeskyTakeSchur(Mat F, PetscReal **S)
 {
   PetscFunctionBegin;
@@ -204,7 +210,7 @@ PetscErrorCode LatinCholeskyTakeSchur(Mat F, PetscReal **S)
   PetscFunctionReturn(0);
 }
 
-/* The factor of any PC if it is one of this type, else NULL */
+/* Gets the factor of a PC if it is of this type, else NULL */
 static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
 {
   MatSolverType type = NULL;
@@ -223,7 +229,7 @@ static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
   PetscFunctionReturn(0);
 }
 
-/* The precision that the factor is to have, if it is one of this type */
+/* Requests the precision of a factor, if it is of this type */
 PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
 {
   LatinSupernodes *data;
@@ -231,13 +237,13 @@ PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
-  if (cholesky) PetscCall(PCFactorSetUpMatSolverType(pc)); /* options may choose others */
+  if (cholesky) PetscCall(PCFactorSetUpMatSolverType(pc)); /* options may choose another package */
   PetscCall(LatinCholeskyFind_Private(pc, &data));
   if (data) data->precision = precision;
   PetscFunctionReturn(0);
 }
 
-/* The precision that it has; that of other factors is double */
+/* Gets the precision of a factor; double if it is not of this type */
 PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
 {
   LatinSupernodes *data;
@@ -248,7 +254,7 @@ PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
   PetscFunctionReturn(0);
 }
 
-/* b^t A^-1 b with the kept rows held, by the first half of the solve, which leaves its own in b */
+/* Computes b^t A^-1 b with the kept rows held, by the first half of the solve, which overwrites b */
 PetscErrorCode LatinCholeskyEnergy(PC pc, Vec b, PetscReal *energy)
 {
   LatinSupernodes *data;
@@ -264,7 +270,7 @@ PetscErrorCode LatinCholeskyEnergy(PC pc, Vec b, PetscReal *energy)
   PetscFunctionReturn(0);
 }
 
-/* Additions and multiplications that it takes, and its size; 0: it is another one */
+/* Gets the additions and multiplications of a factorisation, and the bytes of the factor; 0 if it is not of this type */
 PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
 {
   LatinSupernodes *data;
@@ -276,7 +282,7 @@ PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
   PetscFunctionReturn(0);
 }
 
-/* Makes the factor of A once more, in this precision */
+/* Factors A again in this precision */
 PetscErrorCode LatinCholeskyAgain(PC pc, Mat A, LatinArithmetic precision)
 {
   MatFactorInfo    info;
@@ -294,7 +300,7 @@ PetscErrorCode LatinCholeskyAgain(PC pc, Mat A, LatinArithmetic precision)
 
 /* ---- the object ---- */
 
-/* Rows that are kept; F->schur is their Schur complement once F is a factor */
+/* Sets the rows that are kept; F->schur is their Schur complement once F is a factor */
 static PetscErrorCode LatinCholeskyKeep_Private(Mat F, IS is)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
@@ -308,7 +314,7 @@ static PetscErrorCode LatinCholeskyKeep_Private(Mat F, IS is)
   PetscCall(PetscArraycpy(data->schur_row, rows, data->schur_rows));
   PetscCall(ISRestoreIndices(is, &rows));
   PetscCall(PetscSortInt(data->schur_rows, data->schur_row));
-  PetscCall(MatDestroy(&F->schur)); /* one without entries, for PETSc looks whether there is one */
+  PetscCall(MatDestroy(&F->schur)); /* one without entries: PETSc tests whether there is one */
   PetscCall(MatCreate(PETSC_COMM_SELF, &F->schur));
   PetscCall(MatSetSizes(F->schur, data->schur_rows, data->schur_rows, data->schur_rows, data->schur_rows));
   PetscFunctionReturn(0);
@@ -368,7 +374,7 @@ static PetscErrorCode LatinCholeskyCreate_Private(Mat A, MatFactorType type, Mat
   PetscCall(PetscCalloc1(n, &data->keep));
   data->n = n;
   CHOLMOD(start)(&data->common);
-  data->common.error_handler = NULL; /* failures are read off */
+  data->common.error_handler = NULL; /* failures are read from the status */
   data->common.print         = 0;
   data->common.final_ll      = 1;
   PetscCall(LatinFactorShell_Private(PETSC_COMM_SELF, n, LATIN_CHOLESKY, data, &F));

@@ -2,7 +2,7 @@
 
 /* Solvers of the subdomains and of the coarse problem that the user chooses by options: creation, defaults, failures. */
 
-/* Is the solver a factorisation, applied once? */
+/* Sets *direct: whether the solver is a factorisation, applied once */
 PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
 {
   PC        pc;
@@ -16,7 +16,7 @@ PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
   PetscFunctionReturn(0);
 }
 
-/* *is: no option sets another local solver than the default factorisation, and this is available */
+/* Sets *is: whether the local solver is the default factorisation: it is available, and no option sets another one */
 PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is)
 {
   const char *option[] = {"ksp_type", "pc_type", "pc_factor_mat_solver_type"};
@@ -62,9 +62,8 @@ PetscErrorCode LatinSolverNote_Private(KSP ksp, PetscBool preconditions, PetscBo
 }
 
 /*
-   Defaults if the options set a preconditioner that is not a factorisation. `once`: it is applied once, so that a
-   PC latin is linear, symmetric and positive definite if it is. Else conjugate gradients to a small residual, for solves
-   that must be exact. Before KSPSetUp().
+   Sets defaults if the options choose a preconditioner that is not a factorisation. `once`: it is applied once, so that a PC latin is linear, symmetric
+   and positive definite if it is. Else conjugate gradients to a small residual, for solves that must be exact. Before KSPSetUp().
 */
 PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
 {
@@ -81,7 +80,7 @@ PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
   PetscFunctionReturn(0);
 }
 
-/* *accurate: conjugate gradients to a small residual with the preconditioner of ksp, or ksp itself if it is direct; the caller destroys it */
+/* Creates *accurate: conjugate gradients to a small residual with the preconditioner of ksp, or ksp itself if it is direct. The caller destroys it */
 PetscErrorCode LatinSolverAccurate_Private(KSP ksp, PetscBool direct, KSP *accurate)
 {
   Mat A;

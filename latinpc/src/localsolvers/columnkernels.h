@@ -1,15 +1,15 @@
 /*
-   Triangular solves with the columns of a panel and one right-hand side b, [height]; included once for each precision, as
-   localsolvers/frontkernels.h. Kernels take 8 columns at a time, which registers hold, or the 3 of a node, and whole vectors of
-   rows. These read beyond the last row by less than LATIN_LINE bytes: the factor has finite numbers there; b has any
-   numbers there after forward substitution, and zeros before backward substitution. Numbers of columns are constants, so that
-   loops unroll.
+   Triangular solves with the columns of a panel and one right-hand side b, [height]; included once for each precision, as localsolvers/frontkernels.h.
+   Kernels take 8 columns at a time, which registers hold, or the 3 of a node, and whole vectors of rows. These read beyond the last row by less than
+   LATIN_LINE bytes: there the factor has finite numbers, and b zeros before backward substitution; forward substitution overwrites them. Numbers of
+   columns are constants, so that loops unroll.
 */
 
 typedef FRONT_REAL FRONT(LatinStrip) __attribute__((vector_size(LATIN_LINE), aligned(sizeof(FRONT_REAL)), may_alias));
 typedef FRONT_REAL FRONT(LatinHalf) __attribute__((vector_size(LATIN_LINE / 2), may_alias));
 typedef FRONT_REAL FRONT(LatinQuarter) __attribute__((vector_size(LATIN_LINE / 4), may_alias));
 
+/* Returns the sum of the entries of a vector */
 LATIN_INLINE FRONT_REAL FRONT(LatinStripSum)(FRONT(LatinStrip) strip)
 {
   union
@@ -29,7 +29,7 @@ LATIN_INLINE FRONT_REAL FRONT(LatinStripSum)(FRONT(LatinStrip) strip)
   return sum;
 }
 
-/* Forward substitution with some columns, and the update of the rows below */
+/* Forward substitution with some columns, and update of the rows below */
 LATIN_INLINE void FRONT(LatinColumnsForward)(const PetscInt columns, PetscInt height, size_t ld, const FRONT_REAL L[], FRONT_REAL b[])
 {
   FRONT_REAL x[LATIN_FRONT_ROWS];

@@ -1,13 +1,13 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   Dense Schur complement of a subdomain on its interfaces, for search directions and local low-energy fields: by dense algebra for
-   small subdomains, else by a sparse factorisation.
+   Dense Schur complement of a subdomain on its interfaces, for search directions and local low-energy fields: by dense algebra for small subdomains,
+   else by a sparse factorisation.
 */
 
 #define LATIN_ELIMINATE_DENSE 400 /* rows up to which dense algebra takes less time (tensegrity-grid 60 and network 8000 by METIS into 8 to 240) */
 
-/* By a sparse factorisation of the given package, with Schur complement */
+/* Computes F by a sparse factorisation of the given package, with Schur complement */
 static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, MatSolverType package, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
   Mat                K, factor, dense;
@@ -41,7 +41,7 @@ static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, MatSolv
   PetscFunctionReturn(0);
 }
 
-/* By dense algebra */
+/* Computes F by dense algebra */
 static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
   const PetscInt rows = K->rows, inside = rows - gamma;
@@ -68,8 +68,8 @@ static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt
 }
 
 /*
-   F (gamma x gamma, column-major): the Schur complement of a symmetric matrix on its rows kept[gamma], increasing; bitwise
-   symmetric. *bad is set if the eliminated block is not positive definite.
+   Computes F (gamma x gamma, column-major), the Schur complement of a symmetric matrix on its rows kept[gamma], increasing; symmetric to the bit. Sets
+   *bad if the eliminated block is not positive definite.
 */
 PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {

@@ -1,19 +1,26 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   Direct solvers of the local and coarse problems, and the diagnosis of their factorisations. A mechanism, a displacement of zero
-   energy, is found by inverse iteration, whether the factorisation failed or rounding hid it.
+   Direct solvers of the local and coarse problems, and the diagnosis of their factorisations:
+
+   1. Factorisation, with more work space for MUMPS if needed.
+   2. If it fails, shifted inverse iteration finds a displacement of zero or negative stiffness.
+   3. A factor in single precision is tested, and computed in higher precision if it is too inaccurate.
+   4. Inverse iteration with a factor in double precision finds a mechanism, a displacement of zero energy, that rounding has hidden.
 */
 
-#define LATIN_SHIFT         LatinByPrecision(1e-8, 1e-4) /* of the diagonal: first shift of a matrix that could not be factored */
-#define LATIN_SHIFT_GROWS   4.0                          /* growth of the shift, if inverse iteration finds no displacement of zero or negative stiffness */
-#define LATIN_SHIFT_MOST    10.0                         /* greatest shift, of the diagonal: that is smaller than a negative stiffness where it cancels */
-#define LATIN_INVERSE_STEPS 10                           /* steps of inverse iteration that isolate one displacement */
-#define LATIN_INVERSE_FIRM  1e6                          /* times LATIN_MECHANISM: above this Rayleigh quotient after one step of inverse iteration there is no mechanism */
-#define LATIN_ROOM          100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST     6400                         /* greatest work space, in percent, after three fourfold increases */
+#define LATIN_SHIFT LatinByPrecision(1e-8, 1e-4) /* first shift of a matrix that could not be factored, relative to the diagonal */
+/* factor from one shift to the next, if inverse iteration finds no displacement of zero or negative stiffness */
+#define LATIN_SHIFT_GROWS 4.0
+/* largest shift, relative to the diagonal, which may cancel: pressed bars have negative stiffnesses of 2.3 times the diagonal */
+#define LATIN_SHIFT_MOST    10.0
+#define LATIN_INVERSE_STEPS 10 /* steps of inverse iteration that isolate one displacement */
+/* times LATIN_MECHANISM: a Rayleigh quotient above this proves that there is no mechanism; inverse iteration ends, for ordinary structures after one step */
+#define LATIN_INVERSE_FIRM 1e6
+#define LATIN_ROOM         100  /* first work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST    6400 /* largest work space, in percent, after three fourfold increases */
 
-/* *package: the first of four with a factorisation of A of this kind, NULL: none, then PCREDUNDANT on several ranks */
+/* Sets *package to the first of four with a factorisation of A of this kind; NULL: none, then PCREDUNDANT on several ranks */
 static PetscErrorCode LatinDirectChoose_Private(PC pc, Mat A, PCType type, MatFactorType kind, const MatSolverType candidates[4], MatSolverType *package)
 {
   PetscMPIInt size;
@@ -50,7 +57,7 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscFunctionReturn(0);
 }
 
-/* Sets LU with pivots, by the first package that PETSc has for A; else its own, which on several ranks factors the whole matrix on each */
+/* Sets LU with pivots, by the first package that PETSc has for A; else by PETSc's own, which on several ranks factors the whole matrix on each */
 PetscErrorCode LatinDirectLU_Private(PC pc, Mat A)
 {
   const MatSolverType candidates[] = {MATSOLVERMUMPS, MATSOLVERUMFPACK, MATSOLVERKLU, MATSOLVERSUPERLU};
@@ -71,7 +78,7 @@ PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
   PetscFunctionReturn(0);
 }
 
-/* Solves for all columns of B; sets *failed to the reason if it is negative, else leaves it */
+/* Solves for all columns of B. Sets *failed to the reason of a failure, else leaves it */
 PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason *failed)
 {
   KSPConvergedReason reason;
@@ -83,7 +90,7 @@ PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason
   PetscFunctionReturn(0);
 }
 
-/* A pseudorandom vector, without symmetry */
+/* Sets v to pseudorandom numbers, without symmetry */
 static PetscErrorCode LatinAnyVector_Private(Vec v)
 {
   PetscScalar *a;
@@ -99,8 +106,8 @@ static PetscErrorCode LatinAnyVector_Private(Vec v)
 }
 
 /*
-   Inverse iteration for the softest displacement v of A relative to the diagonal `whole`, or (NULL) that of A: at most `steps` solves
-   with ksp, until the Rayleigh quotient reaches `firm`. *stiffness: Rayleigh quotient of v. Collective on A
+   Finds the softest displacement v of A relative to the diagonal `whole`, or (NULL) that of A, by inverse iteration: at most `steps` solves with ksp,
+   until the Rayleigh quotient *stiffness of v reaches `firm`. Collective on A
 */
 static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt steps, PetscReal firm, Vec v, PetscReal *stiffness)
 {
@@ -136,7 +143,10 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt s
   PetscFunctionReturn(0);
 }
 
-/* Shifted inverse iteration: displacement v with the eigenvalue relative to the diagonal closest to -shift, with clamped kept rows. *stiffness: its eigenvalue plus the shift. Collective on A */
+/*
+   Finds the displacement v with the eigenvalue relative to the diagonal closest to -shift, kept rows clamped, by inverse iteration. *stiffness: this
+   eigenvalue plus the shift. Collective on A
+*/
 static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shift, Vec v, PetscReal *stiffness)
 {
   Mat          shifted;
@@ -179,7 +189,10 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
   PetscFunctionReturn(0);
 }
 
-/* Finds a displacement v of zero stiffness of a matrix that could not be factored or, if there is none, of negative stiffness, by growing shifts. Collective on A */
+/*
+   Finds a displacement v of zero stiffness of a matrix that could not be factored or, if there is none, of negative stiffness, by growing shifts.
+   Collective on A
+*/
 static PetscErrorCode LatinSoftestFailed_Private(Mat A, IS kept, Vec v)
 {
   PetscReal shift = LATIN_SHIFT, stiffness;
@@ -227,8 +240,8 @@ PetscErrorCode LatinFactorTry_Private(KSP ksp, Mat A, LatinFactorStatus *status)
 }
 
 /*
-   Contraction of the error by a step of iterative refinement with the factor, in the energy norm, with clamped kept rows: the larger
-   one of two steps, from a pseudorandom displacement in which all stiffnesses take part. Collective on A
+   Measures the contraction of the error by a step of iterative refinement with the factor, in the energy norm, kept rows clamped: the larger one of two
+   steps, from a pseudorandom displacement in which all stiffnesses take part. Collective on A
 */
 static PetscErrorCode LatinContraction_Private(KSP ksp, Mat A, IS kept, PetscReal *contraction)
 {
@@ -271,8 +284,8 @@ static PetscErrorCode LatinContraction_Private(KSP ksp, Mat A, IS kept, PetscRea
 }
 
 /*
-   Tests the factor, and factors again in higher precision until its contraction is small enough; *rounding: this contraction, 0 in double
-   precision. Rounding affects soft displacements most, and a mechanism entirely: an accepted factor has no mechanism
+   Tests the factor, and factors again in higher precision until its contraction is small enough. *rounding: this contraction, 0 in double precision.
+   Rounding affects soft displacements most, and a mechanism entirely: an accepted factor has no mechanism
 */
 static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *rounding)
 {
@@ -291,7 +304,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Searches A for a mechanism, and tests the precision of its factor, unless linear stages will. Collective on A */
+/* Tests the precision of the factor of A, and searches A for a mechanism, unless linear stages will. Collective on A */
 static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PetscReal       stiffness = 1.0;
@@ -319,10 +332,14 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
 }
 
 /*
-   Factors A through its KSP. A failure is recorded, not raised: other ranks may be waiting. The displacement of a mechanism, whether
-   the factorisation failed or not, is returned in status->mode. kept: rows of the Schur complement, ordered last, or NULL; whole:
-   the diagonal before the condensation that gave A, to which its rounding is relative, or NULL; larger: an accepted precision of
-   a larger matrix, of which A is a principal submatrix, and so no softer; or NULL. Collective on A
+   Factors A through its KSP. A failure is recorded, not raised: other ranks may be waiting. The displacement of a mechanism, whether the factorisation
+   failed or not, is returned in status->mode.
+
+     kept:    rows of the Schur complement, ordered last, or NULL
+     whole:   diagonal before the condensation that gave A, to which its rounding is relative, or NULL
+     larger:  accepted precision of a larger matrix, of which A is a principal submatrix and so no softer, or NULL
+
+   Collective on A
 */
 PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const LatinArithmetic *larger, LatinFactorStatus *status)
 {

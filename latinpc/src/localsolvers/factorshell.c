@@ -1,7 +1,7 @@
 #include "localsolvers/latinlocalsolvers.h"
 #include <petsc/private/matimpl.h>
 
-/* The Mat of a Cholesky factor of a MatSolverType of ours, n rows on this rank, without operations yet. It takes over data. */
+/* Creates F, the Mat of a Cholesky factor of a MatSolverType of ours, n rows on this rank, without operations yet. Takes over data. Collective on comm */
 
 static PetscErrorCode LatinFactorType_Private(Mat F, MatSolverType *type)
 {

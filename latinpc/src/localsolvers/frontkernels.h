@@ -15,15 +15,22 @@ extern void FRONT_BLAS(syrk)(const char *, const char *, const PetscBLASInt *, c
 
 /* ---- the factor ---- */
 
-/* What a factorisation works on */
+/* Work space of a factorisation. The front at hand is the one that is being eliminated */
 typedef struct {
-  FRONT_REAL *stack;         /* contribution blocks that wait for their parents, at its two ends; between these, where the factor is rounded, the columns of the front at hand */
-  size_t      size;          /* of it */
-  FRONT_REAL *some;          /* [tallest][LATIN_BATCH_COLUMNS] some columns of what a front adds to the Schur complement */
-  size_t     *block, top[2]; /* [fronts] where the contribution block of a front is in the stack, and how much is at its two ends */
-  PetscInt   *place;         /* [n] of a row in the order of elimination */
-  PetscInt   *at, *to, *end; /* [n] rows in the front at hand; [tallest] those of a child there, and where a run of consecutive ones ends */
-  PetscBool   rounded;       /* the factor is in lower precision than the arithmetic */
+  /* contribution blocks that wait for their parents, at both ends; between these, if the factor is rounded, the columns of the front at hand */
+  FRONT_REAL *stack;
+  size_t      size; /* entries of stack */
+  /* [tallest][LATIN_BATCH_COLUMNS] some columns of the update of the Schur complement by a front */
+  FRONT_REAL *some;
+  /* [fronts] start of the contribution block of each front in the stack; entries in use at its two ends */
+  size_t   *block, top[2];
+  PetscInt *place; /* [n] place of each row in the order of elimination */
+  /*
+     [n] positions of rows in the front at hand; [tallest] positions of the rows of a child there; [tallest] end of the run of consecutive ones that
+     each is in
+  */
+  PetscInt *at, *to, *end;
+  PetscBool rounded; /* whether the factor is in lower precision than the arithmetic */
 } FRONT(LatinFrontsWork);
 
 /* Assembles the columns of the matrix that front f eliminates */
@@ -39,7 +46,10 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
   }
 }
 
-/* Extend-add: columns first to last - 1 of a contribution block of n rows, lower triangle, go to rows and columns to[] of a matrix of that height, or (half) of a contribution block of that many rows; rows r to end[r] - 1 are consecutive there */
+/*
+   Adds columns first to last - 1 of a contribution block of n rows, lower triangle, to rows and columns to[] of a matrix a of this height, or (half) of
+   a contribution block of that many rows: extend-add. Rows r to end[r] - 1 are consecutive there
+*/
 static LATIN_CLONES void FRONT(LatinExtendAdd)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL block[], PetscInt height, PetscBool half, FRONT_REAL a[])
 {
   for (PetscInt k = first; k < last; k++) {
@@ -54,7 +64,10 @@ static LATIN_CLONES void FRONT(LatinExtendAdd)(PetscInt n, PetscInt first, Petsc
   }
 }
 
-/* Assembles the contribution block of child c into columns first to last - 1 of front f: into its panel, or (U) into its own contribution block. once: memory that has been read is released */
+/*
+   Assembles the contribution block of child c into columns first to last - 1 of front f: into its panel, or (U not NULL) into its own contribution
+   block. once: releases the memory that has been read
+*/
 static void FRONT(LatinFrontAssembleChild)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const PetscInt n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
@@ -69,7 +82,7 @@ static void FRONT(LatinFrontAssembleChild)(const LatinFronts *F, FRONT(LatinFron
   if (once) LatinRoomRelease(block + LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from), (LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, end) - LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from)) * sizeof(*block));
 }
 
-/* The same for all children; where memory is released, a panel of columns at a time */
+/* The same for all children; if memory is released, a panel of columns at a time */
 static void FRONT(LatinFrontAssemble)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   for (PetscInt next; first < last; first = next) {
@@ -78,7 +91,10 @@ static void FRONT(LatinFrontAssemble)(const LatinFronts *F, FRONT(LatinFrontsWor
   }
 }
 
-/* Columns first to last - 1 of the contribution block U = -Z Z^t, each from its diagonal on. Where a front eliminates few columns, gemm on blocks, which fills those on the diagonal, is quicker than syrk */
+/*
+   Computes columns first to last - 1 of the contribution block U = -Z Z^t, each from its diagonal on. If a front eliminates few columns, gemm on
+   blocks, which fills those on the diagonal, is faster than syrk
+*/
 static void FRONT(LatinFrontContribution)(PetscBLASInt columns, PetscBLASInt first, PetscBLASInt last, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
 {
   const FRONT_REAL minus = -1, zero = 0;
@@ -94,7 +110,10 @@ static void FRONT(LatinFrontContribution)(PetscBLASInt columns, PetscBLASInt fir
   }
 }
 
-/* Eliminates the columns of front f: its panel becomes that of the factor, and U its contribution block, with those of its children assembled. once: memory that has been read is released */
+/*
+   Eliminates the columns of front f: its panel becomes that of the factor, and U its contribution block, to which those of its children are added.
+   once: releases the memory that has been read. Returns PETSC_FALSE if the columns are not positive definite
+*/
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below, later = (PetscBLASInt)F->later[f];
@@ -108,7 +127,10 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, FRONT(LatinFro
   return PETSC_TRUE;
 }
 
-/* Stores the columns of a front in the factor: rounded, or else packed where they are. Zeros go above the diagonal, as kernels read whole vectors. once: memory that has been read is released. PETSC_FALSE if single precision cannot hold a pivot */
+/*
+   Stores the columns of a front in the factor: rounded, or else packed where they are. Zeros go above the diagonal, as kernels read whole vectors.
+   once: releases the memory that has been read. Returns PETSC_FALSE if single precision cannot hold a pivot
+*/
 static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool rounded, PetscBool once, FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f];
@@ -135,7 +157,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
   return PETSC_TRUE;
 }
 
-/* Front f's part of the Schur complement of the kept rows, some columns at a time */
+/* Subtracts the update of front f from the Schur complement S of the kept rows, some columns at a time */
 static void FRONT(LatinFrontSchur)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
 {
   const FRONT_REAL   one = 1, zero = 0;
@@ -155,7 +177,11 @@ static void FRONT(LatinFrontSchur)(const LatinFronts *F, const FRONT(LatinFronts
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. Its contribution block is put on one end of the stack, those of its children are taken from the other. The panel of a late and large front is in the free room between both ends: there, pages that have been read are released before others are written */
+/*
+   Assembles, eliminates and stores front f, whose children are done. Its contribution block is put on one end of the stack, those of its children are
+   taken from the other. The panel of a late and large front is in the free room between both ends: there, pages that have been read are released before
+   others are written. Returns PETSC_FALSE if the front is not positive definite
+*/
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
   FRONT_REAL     *panel = work->rounded ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinContributionEntries(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
@@ -175,7 +201,7 @@ static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWor
   return FRONT(LatinFrontStore)(F, f, work->rounded, large, panel);
 }
 
-/* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */
+/* Eliminates all fronts. *bad: a row in the first front that is not positive definite */
 static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, LatinEntriesCallback callback, LatinEntries *entries, PetscReal S[], PetscInt *bad)
 {
   PetscFunctionBegin;
@@ -194,7 +220,7 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
   PetscFunctionReturn(0);
 }
 
-/* All of the factorisation, see LatinFrontsFactor() */
+/* Factors the matrix, see LatinFrontsFactor() */
 static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinEntriesCallback callback, PetscReal S[], PetscInt *bad)
 {
   LatinEntries entries = {.i = i, .j = j, .a = a, .rows = (F->n - F->kept) / 2};
@@ -220,7 +246,7 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
 
 /* ---- solves ---- */
 
-/* One right-hand side at front f, in place: either half reads the panels once, as they are stored */
+/* Performs one half of the solve for one right-hand side at front f, in place; it reads the panels once, as they are stored */
 static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool forward)
 {
   const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
@@ -236,7 +262,7 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
   for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
 }
 
-/* Are the rows that front f eliminates zero in all right-hand sides? */
+/* Whether the rows that front f eliminates are zero in all right-hand sides */
 static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
 {
   const FRONT_REAL *x = (const FRONT_REAL *)F->x + (size_t)F->first[f] * (size_t)columns;
@@ -246,7 +272,10 @@ static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBL
   return PETSC_TRUE;
 }
 
-/* Several right-hand sides are stored row by row, so that each row of a front is gathered as one vector. x = L^-1 x for the rows of the panel of front f that begins with its column c, and the update of the rows below */
+/*
+   Computes x = L^-1 x for the rows of the panel of front f that begins with its column c, and updates the rows below. Several right-hand sides are
+   stored row by row, so that each row of a front is gathered as one vector
+*/
 static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
@@ -263,7 +292,7 @@ static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt
   }
 }
 
-/* x = L^-t x for these rows, once those below are known */
+/* Computes x = L^-t x for these rows, once those below are known */
 static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
@@ -277,7 +306,10 @@ static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscInt
   FRONT_BLAS(trsm)("R", "L", "N", "N", &columns, &own, &one, panel, &height, x, &columns);
 }
 
-/* The first rows of the right-hand sides, in the order of elimination, each divided by its largest entry there; the others are zero */
+/*
+   Copies the first rows of the right-hand sides to x, in the order of elimination, each column divided by its largest entry there, scale[c]; the others
+   are zero
+*/
 static void FRONT(LatinFrontsTake)(LatinFronts *F, PetscInt rows, PetscInt columns, const PetscReal b[], size_t ld, PetscReal scale[])
 {
   FRONT_REAL *x = (FRONT_REAL *)F->x;
@@ -294,7 +326,10 @@ static void FRONT(LatinFrontsTake)(LatinFronts *F, PetscInt rows, PetscInt colum
   memset(x + (size_t)rows * (size_t)columns, 0, (size_t)(F->n - rows) * (size_t)columns * sizeof(*x));
 }
 
-/* Puts the rows inside into their places in b, and adds those that are kept where forces were solved for (forward). Returns the product of what was there, or (not all) of what is there now, with the former */
+/*
+   Stores the rows that are not kept in b; in the forward half, adds the kept ones to b. Returns, over rows that are not kept, the sum of old entries of
+   b times new ones (all) or of the squares of new ones
+*/
 static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward, PetscBool all, PetscInt columns, PetscReal b[], size_t ld, const PetscReal scale[])
 {
   const PetscInt    inside = F->n - F->kept;
@@ -314,7 +349,7 @@ static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward,
   return sum;
 }
 
-/* L^-1 of all fronts, or of those that are reached, unless all right-hand sides are zero there */
+/* Applies L^-1 of all fronts, or of those that are reached, unless all right-hand sides are zero there */
 static void FRONT(LatinFrontsForward)(const LatinFronts *F, const PetscBool reached[], PetscInt columns)
 {
   for (PetscInt f = 0; f < F->fronts; f++) {
@@ -326,7 +361,7 @@ static void FRONT(LatinFrontsForward)(const LatinFronts *F, const PetscBool reac
   }
 }
 
-/* L^-t of all fronts, or of those that are reached */
+/* Applies L^-t of all fronts, or of those that are reached */
 static void FRONT(LatinFrontsBackward)(const LatinFronts *F, const PetscBool reached[], PetscInt columns)
 {
   for (PetscInt f = F->fronts - 1; f >= 0; f--) {
@@ -338,8 +373,8 @@ static void FRONT(LatinFrontsBackward)(const LatinFronts *F, const PetscBool rea
 }
 
 /*
-   See LatinFrontsSolve(). Each column is solved as one with largest entry 1, which any precision holds. What is on kept rows
-   is not rounded: forces on interfaces do not vanish as the iteration converges
+   Performs one or both halves of the solve, see LatinFrontsSolve(). Each column is scaled to largest entry 1, which any precision holds. Entries on kept
+   rows are not rounded: forces on interfaces do not vanish as the iteration converges
 */
 static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy)
 {
@@ -354,7 +389,7 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   if (energy && forward) *energy += sum;
 }
 
-/* Entries of b that are in rows first to last - 1 of the order of elimination, see LatinFrontsSome() */
+/* Copies the entries of x in places first to last - 1 of the order of elimination to b, see LatinFrontsSome() */
 static void FRONT(LatinFrontsSomeGive)(const LatinFronts *F, PetscInt first, PetscInt last, PetscInt rows, const PetscInt at[], PetscInt columns, const PetscReal scale[], PetscReal b[])
 {
   const FRONT_REAL *x = (const FRONT_REAL *)F->x;
@@ -363,7 +398,7 @@ static void FRONT(LatinFrontsSomeGive)(const LatinFronts *F, PetscInt first, Pet
     for (PetscInt c = 0; c < columns && at[r] >= first && at[r] < last; c++) b[(size_t)r + (size_t)rows * (size_t)c] = scale[c] * (PetscReal)x[(size_t)at[r] * (size_t)columns + (size_t)c];
 }
 
-/* See LatinFrontsSolveSome(): b (rows x columns) are the entries of the rows that come at[]-th in the order of elimination */
+/* Solves for some rows, see LatinFrontsSolveSome(): b (rows x columns) are the entries of the rows in places at[] of the order of elimination */
 static void FRONT(LatinFrontsSome)(LatinFronts *F, const PetscBool reached[], PetscInt rows, const PetscInt at[], PetscInt columns, PetscReal b[])
 {
   const PetscInt inside = F->n - F->kept;

@@ -3,26 +3,27 @@
 #include "base/room.h"
 #include "base/vector.h"
 
-/* Multifrontal Cholesky: the assembly tree, the sizes of its fronts, and the factor. */
+/* Multifrontal Cholesky (localsolvers/fronts.h): the assembly tree, the sizes of its fronts, and the factor. */
 
-#define LATIN_FRONT_LAST 8 /* of the rows, one of so many is among the last ones */
+/* one row in eight is among the last ones, whose large fronts release what has been read; for all large fronts this costs 45 ms of 1.05 s in page faults */
+#define LATIN_FRONT_LAST 8
 
-/* Rows of front f beyond those that it eliminates */
+/* Returns the number of rows of front f beyond those that it eliminates */
 static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
 {
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-/* Entries of its contribution block: columns of the rows that later fronts eliminate, kept rows below them */
+/* Returns the number of entries of its contribution block: columns of the rows that later fronts eliminate, kept rows below them */
 static inline size_t LatinContributionEntries(const LatinFronts *F, PetscInt f)
 {
   return LatinPanelSize(LATIN_CONTRIBUTION_PANEL, LatinFrontBelow(F, f), F->later[f]);
 }
 
 /*
-   The assembly tree and the room that it takes. Fronts are in postorder, so that the contribution blocks that a front takes
-   are on top of a stack. There are two stacks, at both ends of one array, for fronts at even and at odd depth: so a front puts its block
-   on one while those of its children are on the other. order, first, row_first and row are not copied and must outlive F
+   Creates the assembly tree and computes the memory that it takes. Fronts are in postorder, so that the contribution blocks that a front takes are on
+   top of a stack. There are two stacks, at both ends of one array, for fronts at even and at odd depth: so a front puts its block on one while those of
+   its children are on the other. order, first, row_first and row are not copied and must outlive F
 */
 PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *F)
 {
@@ -72,14 +73,14 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscFunctionReturn(0);
 }
 
-/* A factor in this precision from panels L that were made elsewhere, whose memory is released as it is read */
+/* Makes a factor in this precision from panels L that were computed elsewhere. Releases the memory of L as it is read */
 PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscReal L[])
 {
   const size_t entries = F->panel[F->fronts], bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
 
   PetscFunctionBegin;
   PetscCall(LatinRoomDestroy_Private(&F->factor));
-  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, 0, &F->factor)); /* no large pages, which would be there beside all of L */
+  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, 0, &F->factor)); /* no large pages: they would be in memory beside all of L */
   F->precision = precision;
   F->room      = 0;
   for (size_t first = 0, last; first < entries; first = last) {
@@ -94,7 +95,7 @@ PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscR
   PetscFunctionReturn(0);
 }
 
-/* Work space for so many right-hand sides */
+/* Allocates work space for so many right-hand sides */
 static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 {
   const size_t size = F->precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float);
@@ -120,25 +121,27 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
   PetscFunctionReturn(0);
 }
 
-/* Sums over rows, of more digits than single precision has */
+/* Sums over rows, in more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-#define LATIN_FRONT_BLOCK 32   /* columns of a contribution block that one gemm makes, where the front eliminates few */
-#define LATIN_PANEL_ROWS  64   /* of a panel that stay in the first cache */
-#define LATIN_FRONT_ROWS  8    /* of a front that stay in registers while lanes are solved; columns, for one right-hand side */
-#define LATIN_FRONT_AHEAD 4096 /* bytes of the factor: processors fetch by themselves up to the end of a page */
+#define LATIN_FRONT_BLOCK 32 /* columns of a contribution block that one gemm makes, if the front eliminates few; wider blocks fill more above the diagonal */
+#define LATIN_PANEL_ROWS  64 /* rows of a panel that stay in the first-level cache: 32 kB with its 64 columns */
+/* rows of a front that stay in registers while lanes are solved, columns for one right-hand side: eight sums keep two units for multiply-add busy */
+#define LATIN_FRONT_ROWS 8
+/* bytes ahead of which the factor is prefetched, as processors prefetch by themselves up to the end of a page; METIS grid of 100: 9.2 ms, without 11.5 */
+#define LATIN_FRONT_AHEAD 4096
 #define LATIN_LANES_SQUARE(sum, x) \
   do { \
     const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
     *(sum) += wide * wide; \
   } while (0)
 
-/* The entries of a matrix that are still to be read, where a part of them has been copied: of these rows */
+/* Entries of a matrix that are still to be read. Once few rows are left, theirs are copied and the others released */
 typedef struct {
   const PetscInt    *i, *j;
   const PetscScalar *a;
-  PetscInt          *own_i, *own_j; /* to be freed */
+  PetscInt          *own_i, *own_j; /* copies to be freed, or NULL */
   PetscScalar       *own_a;
-  PetscInt           rows; /* once no more than so many are left, theirs are copied: each time half of them */
+  PetscInt           rows; /* rows left at which the next copy is made: each time half of them */
 } LatinEntries;
 
 static PetscErrorCode LatinEntriesFree_Private(LatinEntries *entries)
@@ -149,7 +152,10 @@ static PetscErrorCode LatinEntriesFree_Private(LatinEntries *entries)
   PetscFunctionReturn(0);
 }
 
-/* Those of rows from `first` on in the order of elimination, place[] of each row, are copied, of each pair across the diagonal the one that is read; all others are released */
+/*
+   Copies the entries of rows in places from `first` on of the order of elimination, place[] of each row; of each pair across the diagonal the one that
+   is read. Releases all others
+*/
 static PetscErrorCode LatinEntriesRelease_Private(const LatinFronts *F, PetscInt first, const PetscInt place[], LatinEntriesCallback callback, LatinEntries *entries)
 {
   LatinEntries all = *entries;
@@ -157,7 +163,7 @@ static PetscErrorCode LatinEntriesRelease_Private(const LatinFronts *F, PetscInt
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(F->n + 1, &entries->own_i));
-  for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
+  for (PetscInt pass = 0; pass < 2; pass++) { /* the first pass counts */
     n = 0;
     for (PetscInt r = 0; r < F->n; r++) {
       entries->own_i[r] = n;
@@ -196,12 +202,12 @@ static PetscErrorCode LatinEntriesRelease_Private(const LatinFronts *F, PetscInt
 #include "localsolvers/frontkernels.h"
 #include "localsolvers/lanekernels.h"
 
-#define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
+#define LATIN_SINGLE_ENTRIES 1e6 /* entries of a factor (8 MB) below which it stays in cache, and double precision is as fast */
 
 /*
-   The precision that takes the least time. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
-   of the time, and displacements as soft as those of plates and beams are not expected. Kept rows do not count: the edge of a
-   plate is as long as a separator of a solid
+   Returns the precision that takes the least time. Single throughout if fronts are as tall as the separators of a solid: then arithmetic is most of the
+   time, and displacements as soft as those of plates and beams are not expected. Kept rows do not count: the edge of a plate is as long as a separator
+   of a solid
 */
 static LatinArithmetic LatinFrontsPrecision(const LatinFronts *F)
 {
@@ -213,7 +219,10 @@ static LatinArithmetic LatinFrontsPrecision(const LatinFronts *F)
   return F->panel[F->fronts] < LATIN_SINGLE_ENTRIES ? LATIN_DOUBLE : solid ? LATIN_SINGLE : LATIN_ROUNDED;
 }
 
-/* How many bytes of the factor are there from the start, in large pages: not those of the last fronts, whose columns are whole in double precision beside what is kept */
+/*
+   Returns the bytes of the factor that are in memory from the start, in large pages. Those of the last fronts are not: their columns are whole in
+   double precision beside what is kept
+*/
 static size_t LatinFrontsEarly(const LatinFronts *F, LatinArithmetic precision)
 {
   if (precision != LATIN_ROUNDED) return F->reach * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
@@ -221,8 +230,9 @@ static size_t LatinFrontsEarly(const LatinFronts *F, LatinArithmetic precision)
 }
 
 /*
-   The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S becomes the Schur
-   complement of the kept rows, in the order of elimination: its lower triangle, see LatinLowerAt(). *bad: a row in the first front that is not positive definite, -1 if there is none
+   Factors a matrix, given by both triangles, in this precision or, if it fails, in a higher one. S becomes the Schur complement of the kept rows, in
+   the order of elimination: its lower triangle, see LatinLowerAt(). callback: releases the entries. *bad: a row in the first front that is not positive
+   definite, -1: none
 */
 PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinEntriesCallback callback, PetscReal S[], PetscInt *bad)
 {
@@ -236,7 +246,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
 
     if (*bad >= 0) PetscCall(PetscInfo(NULL, "single precision does not hold the factor: row %" PetscInt_FMT "\n", *bad));
     *bad = -1;
-    LatinRoomZero(S, (LatinLowerAt(F->kept, F->kept) + (size_t)F->kept) * sizeof(*S)); /* it is filled last, as fronts grow tall */
+    LatinRoomZero(S, (LatinLowerAt(F->kept, F->kept) + (size_t)F->kept) * sizeof(*S)); /* S is filled last, as fronts grow tall */
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
       LatinRoomTrim(bytes);
@@ -245,19 +255,23 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     }
     F->precision = precision;
     if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, callback, S, bad));
-    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, precision == LATIN_DOUBLE ? none : callback, S, bad)); /* who checks a factor in double precision asks for its matrix */
+    /* the check of a factor in double precision reads the matrix */
+    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, precision == LATIN_DOUBLE ? none : callback, S, bad));
     if (*bad >= 0 && precision != LATIN_DOUBLE && callback.call) PetscCall(callback.call(callback.owner, PETSC_TRUE));
     memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
-  if (callback.call) LatinRoomTrim(F->stack * sizeof(float)); /* who releases entries needs a low peak; others factor again in the same pages */
+  /* if entries are released, a low peak matters; else the next factorisation takes the same pages */
+  if (callback.call) LatinRoomTrim(F->stack * sizeof(float));
   PetscFunctionReturn(0);
 }
 
 /*
-   One half of the solve or both, in place, for columns that are ld apart. forward: the forces b of all rows become those on
-   the kept rows, and what the other half needs on the others; backward: b, with the displacements of the kept rows in their
-   places, becomes those of all rows. Both: the displacements with those of the kept rows zero; their entries of b stay.
-   energy, unless NULL: adds b^t A^-1 b of the rows that are not kept, in the forward half
+   Performs one half of the solve or both, in place, for columns that are ld apart.
+
+     forward:   the forces b of all rows become those on the kept rows, and intermediate values for the other half on the others
+     backward:  b, with the displacements of the kept rows in their places, becomes those of all rows
+     both:      b becomes the displacements with those of the kept rows zero; their entries of b stay
+     energy:    NULL, or the forward half adds b^t A^-1 b of the rows that are not kept
 */
 PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy)
 {
@@ -273,7 +287,7 @@ PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool bac
   PetscFunctionReturn(0);
 }
 
-/* The fronts that eliminate any of the rows at[], by their places in the order of elimination, or what these leave */
+/* Marks reached[], the fronts that eliminate any of the rows at[], by their places in the order of elimination, or get contributions from these */
 static void LatinFrontsReach(const LatinFronts *F, PetscInt rows, const PetscInt at[], PetscBool asked[], PetscBool reached[])
 {
   for (PetscInt r = 0; r < F->n; r++) asked[r] = PETSC_FALSE;
@@ -286,8 +300,8 @@ static void LatinFrontsReach(const LatinFronts *F, PetscInt rows, const PetscInt
 }
 
 /*
-   All of the solve for right-hand sides that are zero but in some rows, in which alone the solution is asked for: their entries
-   b (rows x columns) become those of the solution, on kept rows, which are held, the forces there. Fronts that have no part in it are left out
+   Solves for right-hand sides that are zero but in some rows, in which alone the solution is asked for: their entries b (rows x columns) become those
+   of the solution or, on kept rows, which are held, the forces there. Other fronts are left out
 */
 PetscErrorCode LatinFrontsSolveSome(LatinFronts *F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
 {
@@ -313,9 +327,8 @@ PetscErrorCode LatinFrontsSolveSome(LatinFronts *F, PetscInt rows, const PetscIn
 }
 
 /*
-   All of the solve in place, for right-hand sides x that lie beside each other in the order of elimination: the entry of
-   row r and lane w is at LATIN_FRONT_LANES * r + w. energy: the products of each right-hand side with its solution;
-   square: the squares of the solution. x is aligned to LATIN_LINE bytes. No row is kept
+   Solves in place for interleaved right-hand sides x in the order of elimination: the entry of row r and lane w is at LATIN_FRONT_LANES * r + w.
+   energy: products of each right-hand side with its solution; square: squares of the solution. x is aligned to LATIN_LINE bytes. No row is kept
 */
 PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, float x[], PetscReal energy[], PetscReal square[])
 {

@@ -7,13 +7,13 @@
 
 typedef FRONT_REAL FRONT(LatinLanes) __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(FRONT_REAL)), aligned(LATIN_LINE), may_alias));
 
-/* s[i] += L[i, c] y[c] of all columns c, for some rows */
+/* Adds L[i, c] y[c], over all columns c, to s[i] of some rows */
 LATIN_INLINE void FRONT(LatinLanesRows)(const PetscInt rows, PetscInt columns, const FRONT_REAL L[], size_t height, const FRONT(LatinLanes) y[], FRONT(LatinLanes) s[])
 {
   for (PetscInt c = 0; c < columns; c++, L += height) { _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[i] * y[c]; }
 }
 
-/* Forward substitution of rows r to r + rows - 1 that a front eliminates; energy += their squares */
+/* Forward substitution of rows r to r + rows - 1 that a front eliminates. Adds their squares to *energy */
 LATIN_INLINE void FRONT(LatinLanesEliminate)(const PetscInt rows, PetscInt r, const FRONT_REAL L[], size_t height, FRONT(LatinLanes) y[], LatinLanesSum *energy)
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
@@ -31,7 +31,7 @@ LATIN_INLINE void FRONT(LatinLanesEliminate)(const PetscInt rows, PetscInt r, co
   }
 }
 
-/* Forward update of rows r to r + rows - 1 below them */
+/* Updates rows r to r + rows - 1 below the eliminated ones */
 LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], const FRONT(LatinLanes) y[], FRONT(LatinLanes) x[])
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
@@ -40,7 +40,7 @@ LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscI
   _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) x[row[r + i]] -= s[i];
 }
 
-/* Forward substitution with the panel of front f that begins with its column at, and the update of the rows below */
+/* Forward substitution with the panel of front f that begins with its column `at`, and update of the rows below */
 LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *energy)
 {
   const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
@@ -55,7 +55,7 @@ LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, Pet
   for (; r < height; r++) FRONT(LatinLanesBelow)(1, r, own, L, (size_t)height, row, y, x);
 }
 
-/* Backward substitution of rows c to c + rows - 1 that a front eliminates; square += their squares */
+/* Backward substitution of rows c to c + rows - 1 that a front eliminates. Adds their squares to *square */
 LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], FRONT(LatinLanes) y[], const FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};

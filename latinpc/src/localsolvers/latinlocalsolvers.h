@@ -8,16 +8,20 @@
 #include "subdomains/latinsubdomains.h"
 
 /* ---- direct solvers (localsolvers/factor.c) ---- */
-#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that is rounding alone */
+#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, below which it is rounding alone: 45 eps */
 
-#define LATIN_ROUNDED_CONTRACTION 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
+/*
+   largest accepted contraction of the error, in energy, by a solve with a factor in single precision; that of the worst displacement is some ten times
+   the measured one
+*/
+#define LATIN_ROUNDED_CONTRACTION 0.01
 
-/* Precision of a factor, requested or in use */
+/* Precision of a factor, requested or in use; higher ones first */
 typedef enum {
-  LATIN_DOUBLE,  /* arithmetic and factor */
-  LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
-  LATIN_SINGLE,  /* both in single */
-  LATIN_BY_SIZE  /* the fastest of these */
+  LATIN_DOUBLE,  /* double: arithmetic and factor */
+  LATIN_ROUNDED, /* arithmetic in double, factor rounded to single precision */
+  LATIN_SINGLE,  /* single: arithmetic and factor */
+  LATIN_BY_SIZE  /* request: the fastest of these */
 } LatinArithmetic;
 
 /* Result of a factorisation on this rank */
@@ -25,11 +29,11 @@ typedef struct {
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;
-  PetscReal      rounding;    /* contraction of the error by a solve, in the energy norm; 0: in double precision */
-  PetscReal      softest;     /* Rayleigh quotient of the softest displacement, if it was computed; else 0 */
-  Vec            mode;        /* displacement of zero energy, if there is a mechanism */
-  PetscBool      provisional; /* input: linear stages will test the factor, and A may change then: no mode, no search for mechanisms */
-  PetscBool      tried;       /* input: a matrix that may not be positive definite, which is no error: no mode */
+  PetscReal      rounding;    /* contraction of the error by a solve, in the energy norm, PETSC_SMALL if not measured; 0: in double precision */
+  PetscReal      softest;     /* Rayleigh quotient of the softest displacement relative to the diagonal; 0: not computed */
+  Vec            mode;        /* displacement of zero energy of a mechanism, or NULL */
+  PetscBool      provisional; /* input: linear stages will test the factor, and A may change before: no search for mechanisms, no mode */
+  PetscBool      tried;       /* input: the matrix may not be positive definite, which is no error: no mode */
   PetscBool      staged;      /* input: linear stages will test the precision of a factor with Schur complement */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
@@ -58,7 +62,7 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(Mat, PetscInt rows, const Pe
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
 #define LATIN_ORDER       "LatinOrder" /* name of the order of elimination composed on a matrix, an IS */
 #define LATIN_FRONT_LANES 16           /* interleaved right-hand sides: in single precision they fill a vector register of 512 bits */
-/* Callback of the owner of the entries of a matrix, which the last fronts do not read: releases them, or restores them (again) */
+/* Callback of the owner of the entries of a matrix, which the last fronts do not read: releases them, or (again) restores them */
 typedef struct {
   PetscErrorCode (*call)(void *owner, PetscBool again); /* NULL: the entries are kept */
   void *owner;
@@ -83,7 +87,8 @@ PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal 
 PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
 
 /* ---- solvers chosen by options (localsolvers/chosen.c) ---- */
-#define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* tolerance of an iterative solver in place of a direct one */
+/* relative tolerance of an iterative solver in place of a direct one; with 1e-8 some structures take twice as many iterations */
+#define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5)
 PETSC_INTERN PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is);
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
@@ -96,20 +101,20 @@ PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, PetscBool direct, K
 
 /* Subdomains with bitwise equal operators */
 typedef struct {
-  PetscInt members, *sub; /* subdomains, the first one represents them */
-  PetscInt rows;          /* of the operator */
+  PetscInt members, *sub; /* number of subdomains; [members] these, of which the first one represents all */
+  PetscInt rows;          /* rows of the operator */
 } LatinBatch;
 
 typedef struct {
   PetscInt    n;
   LatinBatch *batch;
-  PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
+  PetscInt   *pattern; /* [subdomains] subdomain that represents each */
 } LatinBatches;
 PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], LatinBatches *);
 PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 
-/* Matrix and KSP of a batch of the last set-up, whose symbolic factorisation is reused for a matrix of the same pattern */
+/* Matrix and KSP of a batch of the last set-up, whose symbolic factorisation serves a matrix of the same pattern again */
 typedef struct {
   LatinSparse rows; /* arrays of K */
   Mat         K;
@@ -117,27 +122,29 @@ typedef struct {
   IS          kept;
 } LatinRetired;
 
-/* One matrix and KSP a batch */
+/* Solvers of the subdomains: a matrix and a KSP for each batch */
 typedef struct LatinLocalSolvers {
-  const LatinSubdomains          *sub;
-  const LatinBatches             *batches;
-  PetscInt                        n;
-  PetscBool                       direct;             /* all of them are factorisations */
-  LatinSparse                    *rows;               /* of the operators, filled by others */
-  const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries on the copies that are rows of the Schur complements; NULL: none */
-  const PetscBool                *keeps;              /* [batches] has the factor a Schur complement? NULL: all have, of all interface dofs, and linear stages test their precision */
-  const struct LatinLocalSolvers *like;               /* solvers of the same rows without the clamped ones: their order of elimination is reused; NULL: none */
-  LatinPrecision                  precision;          /* allowed for factors, whose rounding errors linear stages correct */
-  LatinEntriesCallback            callback;           /* releases the entries of the only operator */
-  PetscReal                       rounding;           /* largest contraction of the error by factors of this rank; 0: in double precision */
-  Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
+  const LatinSubdomains *sub;
+  const LatinBatches    *batches;
+  PetscInt               n;
+  PetscBool              direct; /* whether all are factorisations */
+  LatinSparse           *rows;   /* [n] rows of the operators, filled by others */
+  /* [subdomains + 1] range in kept[]; kept[]: entries on the copies that are rows of the Schur complements; NULL: none */
+  const PetscInt *kept_offset, *kept;
+  /* [batches] whether the factor has a Schur complement; NULL: all have, of all interface dofs, and linear stages test their precision */
+  const PetscBool                *keeps;
+  const struct LatinLocalSolvers *like;      /* solvers of the same rows without the clamped ones, whose order of elimination is reused; NULL: none */
+  LatinPrecision                  precision; /* allowed precision of factors, whose rounding errors linear stages correct */
+  LatinEntriesCallback            callback;  /* callback that releases the entries of the only operator */
+  PetscReal                       rounding;  /* largest contraction of the error by the factors of this rank; 0: in double precision */
+  Mat                            *K, *B, *X; /* [n] operators; right-hand sides and solutions of some members, dense */
   KSP                            *ksp;
-  IS                             *rest; /* rows of the Schur complement, ordered last; NULL: none */
+  IS                             *rest; /* [n] rows of the Schur complement, ordered last; NULL: none */
   PetscInt                        retired;
   LatinRetired                   *before; /* [retired] solvers of the last set-up, until this one has reused them */
-  LatinFactorStatus               status; /* of the set-up on this rank */
-  PetscInt                        last;   /* the last batch that was set up, the one that failed if any did */
-  PetscBool                       failed; /* a solve on this rank has failed since the caller cleared it */
+  LatinFactorStatus               status; /* result of the set-up on this rank */
+  PetscInt                        last;   /* last batch that was set up: the one that failed, if any did */
+  PetscBool                       failed; /* whether a solve on this rank has failed since the caller cleared it */
 } LatinLocalSolvers;
 PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], PetscBool once);

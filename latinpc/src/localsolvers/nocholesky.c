@@ -20,7 +20,7 @@ LatinNoFactor(LatinCholeskyForward, Mat F, PetscReal g[], PetscReal *energy) Lat
     LatinNoFactor(LatinCholeskyTakeLower, Mat F, PetscReal **S) LatinNoFactor(LatinCholeskyTakeSchur, Mat F, PetscReal **S) LatinNoFactor(LatinCholeskyBackward, Mat F, PetscReal g[], PetscReal *energy)
       LatinNoFactor(LatinCholeskyAgain, PC pc, Mat A, LatinArithmetic precision) LatinNoFactor(LatinCholeskyEnergy, PC pc, Vec b, PetscReal *energy)
 
-  /* Asked of any PC: a factor of another type keeps its precision */
+  /* Called for any PC: a factor of another type keeps its precision */
   PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
 {
   return 0;

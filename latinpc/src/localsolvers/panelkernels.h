@@ -26,10 +26,10 @@ LATIN_INLINE void FRONT(LatinPanelTake)(const PetscInt some, PetscInt rows, size
   }
 }
 
-/* B = B L^-t for the rows of a panel below its triangle, in blocks that fit the first-level cache */
+/* Computes B = B L^-t for the rows of a panel below its triangle, in blocks that fit the first-level cache */
 static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, const FRONT_REAL L[], size_t height, FRONT_REAL B[])
 {
-  FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* partner of the last column of an odd number */
+  FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* partner of the last column if their number is odd */
 
   for (PetscInt r = 0; r < rows; r += LATIN_PANEL_ROWS) {
     const PetscInt some = PetscMin(LATIN_PANEL_ROWS, rows - r);
@@ -52,7 +52,7 @@ static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, co
   }
 }
 
-/* Factors one panel, with `below` rows below its triangle; PETSC_FALSE if it is not positive definite */
+/* Factors one panel, with `below` rows below its triangle. Returns PETSC_FALSE if it is not positive definite */
 static PetscBool FRONT(LatinPanel)(PetscBLASInt wide, PetscBLASInt below, FRONT_REAL panel[], PetscBLASInt ld)
 {
   const FRONT_REAL one = 1;
@@ -66,7 +66,10 @@ static PetscBool FRONT(LatinPanel)(PetscBLASInt wide, PetscBLASInt below, FRONT_
   return PETSC_TRUE;
 }
 
-/* Factors the columns of a front, row r of column c at ld * c + r, by recursive halving down to panels; PETSC_FALSE if they are not positive definite */
+/*
+   Factors the columns of a front, row r of column c at ld * c + r, by recursive halving down to panels. Returns PETSC_FALSE if they are not positive
+   definite
+*/
 static PetscBool FRONT(LatinPanels)(PetscBLASInt columns, PetscBLASInt height, FRONT_REAL front[], PetscBLASInt ld)
 {
   const FRONT_REAL   minus = -1, one = 1;

@@ -1,11 +1,11 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   Reuse of solvers for new values in matrices of the same pattern: with their symbolic factorisation, the order of
-   elimination and the structure of the factor. Patterns are compared entry by entry, so that the caller need not assert that they are equal.
+   Reuse of solvers for new values in matrices of the same pattern, with their symbolic factorisation: order of elimination and structure of the factor.
+   Patterns are compared entry by entry, so that the caller need not promise that they are equal.
 */
 
-/* *same: the sequential matrix K has this pattern */
+/* Sets *same: whether the sequential matrix K has this pattern */
 PetscErrorCode LatinSameRows_Private(Mat K, PetscInt rows, const PetscInt i[], const PetscInt j[], PetscBool *same)
 {
   const PetscInt *ki, *kj;
@@ -22,7 +22,7 @@ PetscErrorCode LatinSameRows_Private(Mat K, PetscInt rows, const PetscInt i[], c
   PetscFunctionReturn(0);
 }
 
-/* Assembles the rows of a batch (springs, no blocks) into the retired rows of the same number, if the pattern is the same: *done */
+/* Assembles the rows of batch i (springs, no blocks) into the retired rows of the same number. *done: the pattern is the same; else nothing */
 PetscErrorCode LatinLocalSolversRenew_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal spring[], const PetscBool held[], PetscBool *done)
 {
   LatinRetired *old = i < solvers->retired ? &solvers->before[i] : NULL;
@@ -37,7 +37,10 @@ PetscErrorCode LatinLocalSolversRenew_Private(LatinLocalSolvers *solvers, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Finds a retired solver with the rows and kept rows of a batch, and gives it the new values, unless they are in its matrix: *found */
+/*
+   Finds a retired solver with the rows and kept rows of batch i, and copies the new values to its matrix, unless they are there. *found: it becomes the
+   solver of the batch
+*/
 PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *solvers, PetscInt i, PetscBool *found)
 {
   LatinSparse *rows = &solvers->rows[i];
