@@ -1,16 +1,16 @@
 #include "partition/latinpartition.h"
 
 /*
-   Makes subdomains connected. Graph partitioners leave subdomains of several connected components: all components but the largest
-   one move to neighbouring subdomains.
+   Makes subdomains connected. Graph partitioners leave subdomains of several connected components: all but the largest component move to neighbouring
+   subdomains.
 */
 
 typedef struct {
-  PetscInt  n, *first, *node; /* connected components: nodes node[first[i]..first[i + 1]) */
-  PetscInt *links;            /* [n] links at their nodes */
+  PetscInt  n, *first, *node; /* number of connected components; their nodes: node[first[i]..first[i + 1]) */
+  PetscInt *links;            /* [n] number of links at the nodes of each */
 } LatinComponents;
 
-/* The connected components of the subdomains of this rank */
+/* Finds the connected components of the subdomains of this rank */
 static PetscErrorCode LatinComponentsCreate_Private(const LatinCut *cut, LatinComponents *components)
 {
   PetscInt  *of_node = cut->of_node, n = 0;
@@ -45,7 +45,7 @@ static PetscErrorCode LatinComponentsCreate_Private(const LatinCut *cut, LatinCo
   PetscFunctionReturn(0);
 }
 
-/* settled[nodes]: is a node in the largest component of its subdomain? Collective on cut->comm */
+/* Sets settled[nodes]: whether a node is in the largest component of its subdomain. local: nodes of the structure on this rank. Collective on cut->comm */
 static PetscErrorCode LatinComponentsSettled_Private(const LatinCut *cut, const LatinComponents *components, PetscInt local, PetscInt settled[])
 {
   PetscInt *largest, *here;
@@ -71,7 +71,7 @@ static PetscErrorCode LatinComponentsSettled_Private(const LatinCut *cut, const 
   PetscFunctionReturn(0);
 }
 
-/* The subdomain whose settled nodes most links of component i lead to; -1: none. links[parts] is zero before and after */
+/* Returns the subdomain to whose settled nodes most links of component i lead; -1: none. links[parts]: work, zero before and after */
 static PetscInt LatinComponentTo(const LatinCut *cut, const LatinComponents *components, PetscInt i, const PetscInt settled[], PetscInt links[])
 {
   const PetscInt from = cut->of_node[components->node[components->first[i]]];
@@ -92,7 +92,10 @@ static PetscInt LatinComponentTo(const LatinCut *cut, const LatinComponents *com
   return to;
 }
 
-/* Moves small components to neighbouring subdomains: changes of_node[local], the subdomains of the nodes of the structure. *moved: components moved on all ranks. Collective on cut->comm */
+/*
+   Moves small components to neighbouring subdomains: changes of_node[local], the subdomains of the nodes of the structure. *moved: number of components
+   moved on all ranks. Collective on cut->comm
+*/
 PetscErrorCode LatinConnect_Private(const LatinCut *cut, PetscInt local, PetscInt of_node[], PetscInt *moved)
 {
   LatinComponents components;

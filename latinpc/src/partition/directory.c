@@ -4,10 +4,11 @@
 #include <petscmat.h>
 
 /*
-   The distributed graph of the nodes: each rank has the links at its nodes of the structure. PT-Scotch or ParMETIS partition it by
-   PETSc's MatPartitioning.
+   The distributed graph of the nodes: each rank has the links at its nodes of the structure. PT-Scotch or ParMETIS partition it, by PETSc's
+   MatPartitioning.
 */
 
+/* Lists the links at each node of the structure on this rank. Collective on structure */
 PetscErrorCode LatinDirectoryCreate_Private(LatinStructure structure, LatinDirectory *directory)
 {
   const PetscInt  n = structure->nodes_local, m = 2 * structure->links_local;
@@ -42,7 +43,7 @@ PetscErrorCode LatinDirectoryDestroy_Private(LatinDirectory *directory)
   PetscFunctionReturn(0);
 }
 
-/* The graph as a matrix; vertex weights: numbers of links. Sorts the neighbours and removes duplicates. Collective on structure */
+/* Creates the graph as a matrix; weight[]: vertex weights, numbers of links. Sorts the neighbours and removes duplicates. Collective on structure */
 static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDirectory *directory, Mat *graph, PetscInt **weight)
 {
   const PetscInt n = structure->nodes_local;
@@ -71,7 +72,7 @@ static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDi
 extern void SCOTCH_randomReset(void) __attribute__((weak)); /* NULL: this PETSc has no PT-Scotch */
 #endif
 
-/* With several threads a rank, and with random numbers that go on, PT-Scotch makes a different partition each time: use one thread, unless the user has set their number */
+/* Partitions the graph, the same way each time: PT-Scotch needs its random numbers reset and one thread a rank, unless the user has set their number */
 static PetscErrorCode LatinGraphApply_Private(MatPartitioning partitioning, IS *is)
 {
   const PetscBool chosen = (PetscBool)(getenv(LATIN_SCOTCH_THREADS) != NULL);
@@ -86,7 +87,7 @@ static PetscErrorCode LatinGraphApply_Private(MatPartitioning partitioning, IS *
   PetscFunctionReturn(0);
 }
 
-/* of_node[nodes_local]: the subdomain of each node. Overwrites directory->neighbour. Collective on structure */
+/* Computes of_node[nodes_local], the subdomain of each node. Overwrites directory->neighbour. Collective on structure */
 PetscErrorCode LatinGraphPartition_Private(LatinStructure structure, LatinDirectory *directory, const char prefix[], PetscInt parts, PetscInt of_node[])
 {
   MatPartitioning partitioning;

@@ -1,23 +1,27 @@
 #include "partition/dissection.h"
 
 /*
-   Geometric nested dissection [M. T. Heath, P. Raghavan 1995]. A part is bisected by a plane normal to one of a few directions: the
-   one with the smallest separator, weighted by its balance. One pass over the links counts the separators of all planes of a
-   direction. METIS refines the separator; CAMD orders the nodes of each part by minimum degree, separators last.
-   Diagonal directions give diamond-shaped parts, the best ones of square grids.
+   Geometric nested dissection (Heath and Raghavan 1995):
 
-   Coordinates may not reflect the graph, as in a net that is rolled up. Then a level set of the graph distance is a smaller
-   separator than any plane, and METIS orders the graph instead.
+   1. A part is bisected by a plane normal to one of a few directions: the one with the smallest separator, weighted by its balance. One pass over the
+      edges counts the separators of all planes of a direction. Diagonal directions give diamond-shaped parts, the best ones of square grids.
+   2. METIS refines the separator; both sides are bisected in turn.
+   3. CAMD orders the nodes of each part by minimum degree, separators last.
+
+   Coordinates may not reflect the graph, as in a net that is rolled up. Then a level set of the graph distance is a smaller separator than any plane,
+   and METIS orders the graph instead.
 */
 
 #if LATIN_CAMD
   #include <camd.h>
 
-  #define LATIN_DISSECTION_LEAF   100  /* largest part that is not bisected: with 50 and 200 operations differ by 1 % */
-  #define LATIN_DISSECTION_CUTS   128  /* slices of a direction, with a candidate plane between any two: with 32 to 256 operations differ by 2 % */
-  #define LATIN_DISSECTION_LEAST  0.3  /* smallest share of the nodes on either side: 0.2 is no different, with 0.4 a vault takes 5 % more operations */
-  #define LATIN_DISSECTION_THIN   0.5  /* smallest extent along an axis, relative to the largest, of directions with a component along it */
-  #define LATIN_DISSECTION_HALVES 50.0 /* weight of imbalance between ranks, which wait for each other; 1 elsewhere */
+  #define LATIN_DISSECTION_LEAF  100 /* nodes of the largest part that is not bisected; with 50 and 200 operations differ by 1 % */
+  #define LATIN_DISSECTION_CUTS  128 /* slices of a direction, with a candidate plane between any two; with 32 to 256 operations differ by 2 % */
+  #define LATIN_DISSECTION_LEAST 0.3 /* least share of the nodes on either side; 0.2 is no different, with 0.4 a vault takes 5 % more operations */
+  /* least extent along an axis, relative to the largest, for directions with a component along it; 0.25 takes longer for the same */
+  #define LATIN_DISSECTION_THIN 0.5
+  /* weight of imbalance between ranks, which wait for each other (1 elsewhere): halves of 49 and 51 % count as much as a separator 2 % larger */
+  #define LATIN_DISSECTION_HALVES 50.0
 
   #if IDXTYPEWIDTH == 64
     #define LATIN_CAMD_ORDER camd_l_order
@@ -41,27 +45,28 @@ static const PetscReal LatinDirections[][3] = {
 
 typedef struct {
   PetscInt         dim;
-  PetscReal        balance;                                   /* weight of imbalance */
-  float            larger;                                    /* imbalance that METIS may make: largest size of a side over the mean */
-  const PetscReal *x;                                         /* [n][dim] */
-  idx_t           *start, *list;                              /* adjacency lists of the graph, symmetric */
-  idx_t           *node;                                      /* [n] nodes, sorted by parts */
-  idx_t           *place;                                     /* [n] local number of a node in the part at hand; -1: not in it */
-  LatinCamd       *set, sets;                                 /* [n] constraint sets of CAMD, which orders one set after the other */
-  idx_t           *part_start, *part_list;                    /* adjacency lists within the part, local numbers, as all that follows */
-  idx_t           *part_side, *part_free, *part_size, *slice; /* 0 and 1: sides, 2: separator; two arguments of METIS; slice of each node */
-  PetscReal       *along;                                     /* coordinate in a direction */
+  PetscReal        balance;                /* weight of imbalance in the choice of a plane */
+  float            larger;                 /* largest size of a side over the mean that METIS may make */
+  const PetscReal *x;                      /* [n][dim] coordinates */
+  idx_t           *start, *list;           /* [n + 1], [start[n]] adjacency lists of the graph, symmetric */
+  idx_t           *node;                   /* [n] nodes, sorted by parts */
+  idx_t           *place;                  /* [n] local number of a node in the part at hand; -1: not in it */
+  LatinCamd       *set, sets;              /* [n] constraint set of each node, and their number; CAMD orders one set after the other */
+  idx_t           *part_start, *part_list; /* adjacency lists within the part, by local numbers as all that follows */
+  /* [n] side 0 or 1, or separator 2; two arguments of METIS; slice of each node */
+  idx_t     *part_side, *part_free, *part_size, *slice;
+  PetscReal *along; /* [n] coordinate in the direction at hand */
 } LatinDissection;
 
-/* A plane: nodes below slice `at` of a direction are on side 0; nodes of side `on` with neighbours on the other are the separator */
+/* Plane: nodes below slice `at` of a direction are on side 0; nodes of side `on` with neighbours on the other side are the separator */
 typedef struct {
   const PetscReal *along;
-  PetscReal        low, scale; /* of slices */
-  PetscReal        value;      /* size of the separator times the penalty of imbalance: the least is best */
+  PetscReal        low, scale; /* coordinate of the first slice, slices a unit of length */
+  PetscReal        value;      /* size of the separator times the penalty of imbalance; the best plane has the least */
   idx_t            at, on;
 } LatinPlane;
 
-/* The coordinates of the nodes of a part in a direction */
+/* Computes d->along, the coordinates of the nodes of a part in a direction */
 static void LatinAlong(LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3])
 {
   for (idx_t i = 0; i < n; i++) {
@@ -70,13 +75,13 @@ static void LatinAlong(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   }
 }
 
-/* The slice of local node i */
+/* Returns the slice of local node i */
 static inline idx_t LatinSlice(const LatinDissection *d, const LatinPlane *plane, idx_t i)
 {
   return (idx_t)PetscMin((PetscReal)(LATIN_DISSECTION_CUTS - 1), (d->along[i] - plane->low) * plane->scale);
 }
 
-/* The adjacency lists within a part */
+/* Makes the adjacency lists within a part */
 static void LatinPart(LatinDissection *d, idx_t n, const idx_t node[])
 {
   idx_t used = 0;
@@ -91,7 +96,7 @@ static void LatinPart(LatinDissection *d, idx_t n, const idx_t node[])
   for (idx_t i = 0; i < n; i++) d->place[node[i]] = -1;
 }
 
-/* The best plane of a direction for the nodes of a part, if it is better than *best */
+/* Finds the best plane of a direction for the nodes of a part, if it is better than *best */
 static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3], LatinPlane *best)
 {
   PetscInt   below[LATIN_DISSECTION_CUTS + 1] = {0}, left[LATIN_DISSECTION_CUTS + 1] = {0}, right[LATIN_DISSECTION_CUTS + 1] = {0}, nodes = 0, on[2] = {0, 0};
@@ -133,7 +138,7 @@ static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   }
 }
 
-/* The sides and the separator of a plane, refined by METIS */
+/* Computes the sides and the separator of a plane in d->part_side, refined by METIS */
 static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_t node[], const LatinPlane *plane)
 {
   int status;
@@ -153,7 +158,7 @@ static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_
   PetscFunctionReturn(0);
 }
 
-/* Bisects a part: sorts its nodes into side 0, side 1 and separator, count[] of each. count[] zero on a side: no bisection found */
+/* Bisects a part: sorts its nodes into side 0, side 1 and separator, count[] of each. No bisection found: count[] is zero on a side */
 static PetscErrorCode LatinCut_Private(LatinDissection *d, idx_t n, idx_t node[], idx_t count[3])
 {
   PetscReal  low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, extent = 0.0;
@@ -193,7 +198,7 @@ static void LatinSet(LatinDissection *d, idx_t n, const idx_t node[])
   if (n) d->sets++;
 }
 
-/* Bisects a part recursively and makes its constraint sets; cut not NULL: the first bisection, made already */
+/* Bisects a part recursively and makes its constraint sets. cut: NULL, or count[] of the first bisection, made already */
 static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_t node[], const idx_t cut[3])
 {
   idx_t count[3] = {0, 0, 0};
@@ -210,9 +215,8 @@ static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_
 }
 
 /*
-   The size of the smallest balanced level set of a breadth-first search from a peripheral node. It is 1.4 times the separator
-   of METIS on grids and networks, and no larger than that on elongated graphs. The levels of connected components follow
-   each other
+   Returns the size of the smallest balanced level set of a breadth-first search from a peripheral node. It is 1.4 times the separator of METIS on grids
+   and networks, and no larger than that on elongated graphs. The levels of connected components follow each other
 */
 static idx_t LatinLevel(LatinDissection *d, idx_t n)
 {
@@ -262,7 +266,7 @@ static PetscErrorCode LatinDissectionDestroy_Private(LatinDissection *d)
   PetscFunctionReturn(0);
 }
 
-/* The first bisection. *serves: coordinates reflect the graph: the separator is no larger than a level set */
+/* Makes the first bisection. *serves: coordinates reflect the graph, that is, the separator is no larger than a level set */
 static PetscErrorCode LatinDissectWhole_Private(LatinDissection *d, idx_t n, idx_t count[3], PetscBool *serves)
 {
   PetscFunctionBegin;
@@ -272,8 +276,8 @@ static PetscErrorCode LatinDissectWhole_Private(LatinDissection *d, idx_t n, idx
 }
 
 /*
-   position[n]: fill-reducing order of n nodes at x [n][dim]; symmetric adjacency lists list[start[i]] to list[start[i + 1] - 1].
-   *done: false if METIS is to order them
+   Computes position[n], a fill-reducing order of n nodes at x [n][dim] with symmetric adjacency lists list[start[i]] to list[start[i + 1] - 1]. *done:
+   false if METIS must order them
 */
 PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t position[], PetscBool *done)
 {
@@ -299,7 +303,7 @@ PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t 
   PetscFunctionReturn(0);
 }
 
-/* half[n]: balanced sides 0 and 1, separator 2. *done: false if METIS is to find them */
+/* Computes half[n]: balanced sides 0 and 1, separator 2. *done: false if METIS must find them */
 PetscErrorCode LatinDissectHalves_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t half[], PetscBool *done)
 {
   LatinDissection d;

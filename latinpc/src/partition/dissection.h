@@ -5,7 +5,11 @@
 #include "base/latinbase.h"
 #include <metis.h>
 
-#define LATIN_HALVES_BALANCE 10 /* imbalance of the halves, in thousandths beyond the mean: the rank of the smaller half waits for the other. With the 200 of METIS halves differ by up to 9 %, interfaces are 4 % smaller */
+/*
+   largest excess of a half over the mean, in thousandths: the rank of the smaller half waits for the other. With the 200 of METIS halves differ by up
+   to 9 %, and interfaces are 4 % smaller
+*/
+#define LATIN_HALVES_BALANCE 10
 
 PETSC_INTERN PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t position[], PetscBool *done);
 PETSC_INTERN PetscErrorCode LatinDissectHalves_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t half[], PetscBool *done);

@@ -2,12 +2,11 @@
 #include <stdlib.h>
 
 /*
-   Partition of links from a partition of nodes. A link goes to the subdomain of its nodes; all links between two subdomains go to
-   one of them, so that only nodes of the other one are shared. In pieces, the rank of the lower subdomain decides: it
-   has all these links.
+   Partition of links from a partition of nodes. A link goes to the subdomain of its nodes; all links between two subdomains go to one of them, so that
+   only nodes of the other one are shared. In pieces, the rank of the lower subdomain decides: it has all these links.
 */
 
-/* The number of end nodes in a minus that in b, of `count` links key[] between subdomains a and b; seen[v] == stamp marks counted nodes */
+/* Returns the number of end nodes in a minus that in b, of `count` links key[] between subdomains a and b. seen[v] == stamp marks counted nodes */
 static PetscInt LatinFollowSides(const LatinCut *cut, const PetscInt of_node[], PetscInt a, PetscInt count, const LatinKey key[], PetscInt stamp, PetscInt seen[])
 {
   PetscInt more = 0;
@@ -23,9 +22,8 @@ static PetscInt LatinFollowSides(const LatinCut *cut, const PetscInt of_node[], 
 }
 
 /*
-   Links between two subdomains go to the one with more nodes on them, as the nodes of the other are shared; for balance the
-   smaller subdomain is favoured. Until they are assigned, links count half in either. part[l]: -1 if another rank decides.
-   Collective on cut->comm
+   Sets part[links]. Links between two subdomains go to the one with more nodes on them, as the nodes of the other are shared; for balance the smaller
+   subdomain is favoured. Until they are assigned, links count half in either. part[l]: -1 if another rank decides. Collective on cut->comm
 */
 PetscErrorCode LatinFollow_Private(const LatinCut *cut, const PetscInt of_node[], PetscInt part[])
 {
@@ -57,7 +55,8 @@ PetscErrorCode LatinFollow_Private(const LatinCut *cut, const PetscInt of_node[]
     PetscInt       to;
 
     for (last = i; last < n && key[last].hash == key[i].hash; last++) continue;
-    to = LatinFollowSides(cut, of_node, a, last - i, key + i, i + 1, seen) >= 2.0 * (PetscReal)(last - i) * (PetscReal)(size[a] - size[b]) / cut->mean ? a : b; /* real: integers could overflow */
+    /* real: integers could overflow */
+    to = LatinFollowSides(cut, of_node, a, last - i, key + i, i + 1, seen) >= 2.0 * (PetscReal)(last - i) * (PetscReal)(size[a] - size[b]) / cut->mean ? a : b;
     for (PetscInt k = i; k < last; k++) part[key[k].number] = to;
     size[a] += to == a ? last - i : i - last;
     size[b] += to == b ? last - i : i - last;

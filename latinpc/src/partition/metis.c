@@ -2,18 +2,19 @@
 #include "partition/dissection.h"
 
 /*
-   METIS on the graph of the nodes (edges: links; vertex weights: numbers of links). It minimises the communication volume: the
-   sum over nodes of the other subdomains next to them. Links follow their nodes (partition/follow.c).
+   METIS on the graph of the nodes (edges: links; vertex weights: numbers of links). It minimises the communication volume: the sum over nodes of the
+   other subdomains next to them. Links follow their nodes (partition/follow.c).
 
    Subdomains of a few links may outnumber the nodes: then links are vertices as well, of weight 1, and nodes have weight 0.
 */
 
-#define LATIN_METIS_SMALL 16 /* links a subdomain, below which links carry the weights: with 4, 27 of 89 subdomains stay empty */
+#define LATIN_METIS_SMALL 16 /* links of a subdomain below which links carry the weights; with 4, 27 of 89 subdomains stay empty */
 
 typedef struct {
   idx_t count, *start, *list, *weight, *part;
 } LatinGraph;
 
+/* Creates the graph of METIS; middles: links are vertices as well */
 static PetscErrorCode LatinGraphCreate_Private(const LatinCut *cut, PetscBool middles, LatinGraph *graph)
 {
   idx_t *next;
@@ -71,10 +72,10 @@ PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *fai
 }
 
 /*
-   part[l]: half of each link, 0 or 1, by a small vertex separator with balanced halves, for two subdomains with a primal interface; links
-   inside the separator go to the smaller half. This is the first step of the nested dissection of the whole structure, so that two subdomains
-   cost no more than one. It is geometric (partition/dissection.c), or by METIS if coordinates do not reflect the graph. No repair is needed: a
-   subdomain is eliminated with its interface held, where links missing there do not matter. *failed: 0, or the status of METIS
+   Computes part[l], the half of each link, 0 or 1, for two subdomains with a primal interface, by a small vertex separator with balanced halves; links
+   inside the separator go to the smaller half. This is the first step of the nested dissection of the whole structure, so that two subdomains cost no
+   more than one. It is geometric (partition/dissection.c), or by METIS if coordinates do not reflect the graph. No repair is needed: a subdomain is
+   eliminated with its interface held, where links missing there do not matter. *failed: 0, or the status of METIS
 */
 PetscErrorCode LatinHalves_Private(const LatinCut *cut, const PetscReal x[], PetscInt part[], int *failed)
 {

@@ -2,12 +2,15 @@
 
 /*
    The subdomain of each link, from
+
      the caller's partition;
      METIS on one rank (partition/metis.c), repaired (partition/repair.c), or bisection for two subdomains with a primal interface;
      PT-Scotch or ParMETIS on all ranks if the structure is large (partition/pieces.c).
+
+   Then all parts of a contact with friction go to one subdomain, and empty subdomains are removed.
 */
 
-/* *sf: entries of a distributed array -> all of it on rank 0. Collective on comm */
+/* Creates *sf: entries of a distributed array -> all of it on rank 0. Collective on comm */
 static PetscErrorCode LatinOnFirstRank_Private(MPI_Comm comm, PetscInt local, PetscInt global, PetscSF *sf)
 {
   PetscLayout map;
@@ -43,7 +46,10 @@ static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut 
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links, bisects them for two subdomains with a primal interface, and scatters the result. Collective on structure */
+/*
+   Partitions all links on rank 0, as METIS is sequential, or bisects them for two subdomains with a primal interface, and scatters the result.
+   Collective on structure
+*/
 static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
   MPI_Comm        comm   = PetscObjectComm((PetscObject)structure);
@@ -69,18 +75,20 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscFunctionReturn(0);
 }
 
-/* Can METIS take the graph with its 32-bit integers? */
+/* Whether METIS can take the graph with its 32-bit integers */
 static PetscBool LatinPartitionTakes(LatinStructure structure)
 {
-  const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
+  /* entries of a graph, and of coordinates */
+  const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global);
 
   return (PetscBool)(largest <= (PetscReal)PETSC_MPI_INT_MAX);
 }
 
-#define LATIN_METIS_ALONE 1000000 /* links: the graph of so many takes 94 MB */
-#define LATIN_METIS_RANKS 8       /* the graph of all links takes as much memory as the subdomains of an eighth of them */
+#define LATIN_METIS_ALONE 1000000 /* most links for one rank on more than LATIN_METIS_RANKS ranks: their graph takes 94 MB */
+/* most ranks for METIS on one rank whatever the links: their graph takes as much memory as the subdomains of an eighth of them */
+#define LATIN_METIS_RANKS 8
 
-/* *pieces: is the partition parallel? METIS on one rank is faster as long as that rank has the memory */
+/* Sets *pieces: whether the partition is parallel. METIS on one rank is faster as long as that rank has the memory */
 static PetscErrorCode LatinPartitionInPieces_Private(LatinStructure structure, LatinPartitioner partitioner, PetscBool *pieces)
 {
   PetscMPIInt size;
@@ -117,7 +125,7 @@ static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const
   PetscFunctionReturn(0);
 }
 
-/* Removes empty subdomains and renumbers the others; in a given partition they are an error. Collective on structure */
+/* Removes empty subdomains and renumbers the others. In a given partition they are an error. Collective on structure */
 static PetscErrorCode LatinPartitionNumber_Private(LatinStructure structure, PetscBool given, PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm  comm = PetscObjectComm((PetscObject)structure);
@@ -175,7 +183,7 @@ static PetscErrorCode LatinPartitionGiven_Private(LatinStructure structure, Pets
   PetscFunctionReturn(0);
 }
 
-/* of_link[links_local]: the subdomain of each link; *count: the number of subdomains. Collective on structure */
+/* Computes of_link[links_local], the subdomain of each link, and their number *count. Collective on structure */
 PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm        comm  = PetscObjectComm((PetscObject)structure);

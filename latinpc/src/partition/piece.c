@@ -1,9 +1,8 @@
 #include "partition/latinpartition.h"
 
 /*
-   The piece of the structure that a rank works on: the nodes of its subdomains, layer 0, and their neighbours, layer 1 of the halo,
-   with all links at either; the other ends of these are layer 2. Arrays are as long as the piece; data comes from
-   the ranks that own it (partition/directory.c).
+   The piece of the structure that a rank works on: the nodes of its subdomains, layer 0, and their neighbours, layer 1 of the halo, with all links at
+   either; the other ends of these are layer 2. Arrays are as long as the piece; data comes from the ranks that own it (partition/directory.c).
 */
 
 /* Sorts *n numbers, removes duplicates and those in the sorted list out[m] */
@@ -21,7 +20,7 @@ static PetscErrorCode LatinPieceWithout_Private(PetscInt *n, PetscInt number[], 
   PetscFunctionReturn(0);
 }
 
-/* *link: global numbers of the links at n nodes node[] of any rank, ascending, without duplicates. Collective on structure */
+/* Creates *link, the global numbers of the links at n nodes node[] of any rank, ascending, without duplicates. Collective on structure */
 static PetscErrorCode LatinPieceLinks_Private(LatinStructure structure, const LatinDirectory *directory, PetscInt n, const PetscInt node[], PetscInt *links, PetscInt **link)
 {
   MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
@@ -58,7 +57,7 @@ static PetscErrorCode LatinPieceLinks_Private(LatinStructure structure, const La
   PetscFunctionReturn(0);
 }
 
-/* *own: global numbers of the nodes of the subdomains of this rank, ascending. Collective on structure */
+/* Creates *own, the global numbers of the nodes of the subdomains of this rank, ascending. Collective on structure */
 static PetscErrorCode LatinPieceOwn_Private(LatinStructure structure, PetscInt parts, const PetscInt of_node[], IS *own)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
@@ -77,7 +76,7 @@ static PetscErrorCode LatinPieceOwn_Private(LatinStructure structure, PetscInt p
   PetscFunctionReturn(0);
 }
 
-/* *ghost: layer 1 of the halo, the neighbours of the own nodes; *link: the links at own nodes and at these. Collective on structure */
+/* Creates *ghost, layer 1 of the halo, which are the neighbours of the own nodes, and *link, the links at both. Collective on structure */
 static PetscErrorCode LatinPieceGrow_Private(LatinStructure structure, const LatinDirectory *directory, PetscInt n, const PetscInt own[], PetscInt *around, PetscInt **ghost, PetscInt *links, PetscInt **link)
 {
   PetscInt near, more, *first, *second;
@@ -102,7 +101,7 @@ static PetscErrorCode LatinPieceGrow_Private(LatinStructure structure, const Lat
   PetscFunctionReturn(0);
 }
 
-/* The links at each node, ascending */
+/* Lists the links at each node, ascending */
 PetscErrorCode LatinCutIncidence_Private(LatinCut *cut)
 {
   PetscFunctionBegin;
@@ -113,7 +112,7 @@ PetscErrorCode LatinCutIncidence_Private(LatinCut *cut)
   PetscFunctionReturn(0);
 }
 
-/* The nodes of the piece: their global numbers and layers; makes the ends of links local numbers */
+/* Lists the nodes of the piece: global numbers and layers. Makes the ends of links local numbers */
 static PetscErrorCode LatinPieceNodes_Private(LatinCut *cut, PetscInt n, const PetscInt own[], PetscInt m, const PetscInt ghost[])
 {
   PetscFunctionBegin;
@@ -129,7 +128,7 @@ static PetscErrorCode LatinPieceNodes_Private(LatinCut *cut, PetscInt n, const P
   PetscFunctionReturn(0);
 }
 
-/* The piece of this rank, from the subdomains of_node[nodes_local] of the nodes of the structure. Collective on structure */
+/* Creates the piece of this rank, from the subdomains of_node[nodes_local] of the nodes of the structure. Collective on structure */
 PetscErrorCode LatinPieceCreate_Private(LatinStructure structure, const LatinDirectory *directory, const PetscInt of_node[], LatinCut *cut)
 {
   MPI_Comm        comm = PetscObjectComm((PetscObject)structure);

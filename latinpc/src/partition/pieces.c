@@ -1,15 +1,21 @@
 #include "partition/latinpartition.h"
 
 /*
-   Parallel partition: the distributed graph of the nodes is partitioned (partition/directory.c); each rank fetches the piece
-   of its subdomains (partition/piece.c), makes them connected (partition/connect.c), assigns the links between subdomains
-   (partition/follow.c) and repairs the result (partition/repair.c). No array is longer than a piece or the number of subdomains.
+   Parallel partition. No array is longer than a piece or the number of subdomains.
 
-   Ranks repair at the same time, each in a region of its own: nodes next to several ranks belong to the lowest of these in
-   even rounds, to the highest in odd ones. So gains are exact, and the cost decreases until two rounds move no link.
+   1. The distributed graph of the nodes is partitioned (partition/directory.c).
+   2. Each rank fetches the piece of its subdomains (partition/piece.c) and makes them connected (partition/connect.c), until none moves.
+   3. Links between subdomains are assigned (partition/follow.c).
+   4. The result is repaired (partition/repair.c).
+
+   Ranks repair at the same time, each in a region of its own: nodes next to several ranks belong to the lowest of these in even rounds, to the highest
+   in odd ones. So gains are exact, and the cost decreases until two rounds move no link.
 */
 
-/* Communicates changes given[links] of subdomains, -1: unchanged, to the links of the structure, of_link[], and to all pieces, part[]. Collective on structure */
+/*
+   Copies changes given[links] of subdomains, -1: unchanged, to the links of the structure, of_link[local], and to all pieces, part[links]. Collective
+   on structure
+*/
 static PetscErrorCode LatinPiecesShare_Private(const LatinCut *cut, PetscInt local, const PetscInt given[], PetscInt of_link[], PetscInt part[])
 {
   PetscInt *here;
@@ -25,7 +31,7 @@ static PetscErrorCode LatinPiecesShare_Private(const LatinCut *cut, PetscInt loc
   PetscFunctionReturn(0);
 }
 
-/* mine[v]: may this rank move links at node v? It may in layers 0 and 1 if it is the lowest, or highest, rank of the node and its neighbours */
+/* Sets mine[v]: whether this rank may move links at node v: in layers 0 and 1, if it is the lowest, or highest, rank of the node and its neighbours */
 static PetscErrorCode LatinPiecesRegion_Private(const LatinCut *cut, PetscBool highest, PetscBool mine[])
 {
   PetscMPIInt rank, size;
@@ -47,7 +53,10 @@ static PetscErrorCode LatinPiecesRegion_Private(const LatinCut *cut, PetscBool h
   PetscFunctionReturn(0);
 }
 
-/* give[s], take[s]: links that subdomain s may lose and gain on this rank: an equal share for each rank that may move its links. Collective on structure */
+/*
+   Computes give[s] and take[s], the links that subdomain s may lose and gain on this rank: an equal share for each rank that may move its links.
+   Collective on structure
+*/
 static PetscErrorCode LatinPiecesRoom_Private(const LatinCut *cut, PetscInt local, const PetscInt of_link[], const PetscBool mine[], const PetscInt part[], PetscInt give[], PetscInt take[])
 {
   PetscInt least, most, *ranks = take;
@@ -70,7 +79,7 @@ static PetscErrorCode LatinPiecesRoom_Private(const LatinCut *cut, PetscInt loca
   PetscFunctionReturn(0);
 }
 
-/* Rounds of repair, until two in a row move no link. Collective on structure */
+/* Repairs in rounds, until two in a row move no link. Collective on structure */
 static PetscErrorCode LatinPiecesRepair_Private(const LatinCut *cut, PetscInt local, PetscInt of_link[], PetscInt part[])
 {
   PetscInt  *give, *take, *given, idle = 0;

@@ -13,10 +13,11 @@
    stages over plane, flat and solid structures: benchmarks/constants.md.
 */
 
-#define LATIN_SIZE_LINKS 724 /* links of a subdomain, on several ranks */
-#define LATIN_SIZE_LEAST 64  /* a structure of more links has two subdomains or more */
+#define LATIN_SIZE_LINKS 724 /* links of a subdomain, on several ranks: fewest entries of factors times linear stages over plane, flat and solid structures */
+/* least links of a subdomain of a rank, if interfaces are primal; else a structure of more links has two subdomains or more */
+#define LATIN_SIZE_LEAST 64
 
-/* *count: the default number of subdomains. Collective on structure */
+/* Sets *count to the default number of subdomains. Collective on structure */
 PetscErrorCode LatinSubdomainCount(LatinStructure structure, PetscBool primal, PetscInt *count)
 {
   const PetscInt links = structure->links_global;
