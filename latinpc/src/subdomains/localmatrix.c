@@ -2,9 +2,9 @@
 
 /* The local matrix of a MATIS by compressed rows; check of its symmetry. */
 
-#define LATIN_LOCAL_TILE 8 /* rows of a dense matrix that are compared together, a cache line */
+#define LATIN_LOCAL_TILE 8 /* rows of a dense matrix that are compared together: a cache line */
 
-/* Is a dense matrix symmetric to the bit? Then its columns are read as rows */
+/* Sets *is: whether a dense matrix is symmetric to the bit. Its columns are then read as rows */
 static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
 {
   const PetscScalar *a;
@@ -23,7 +23,7 @@ static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
   PetscFunctionReturn(0);
 }
 
-/* Compressed rows of a dense matrix */
+/* Makes the compressed rows of a dense matrix */
 static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
 {
   PetscInt n;
@@ -89,7 +89,7 @@ PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
   PetscFunctionReturn(0);
 }
 
-/* *value: the transposed entry of entry k of row r; 0: none */
+/* Gets *value, the transposed entry of entry k of row r; 0: none */
 PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
 {
   const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];

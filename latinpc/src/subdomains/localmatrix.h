@@ -6,7 +6,8 @@
 
 #include "subdomains/latinsubdomains.h"
 
-#define LATIN_MATRIX_ASYMMETRY LatinByPrecision(1e-8, 1e-4) /* largest difference of two transposed entries, relative to the largest entry of their rows */
+/* largest difference of two transposed entries, relative to the largest entry of their rows; assembly in another order leaves 1e-15 */
+#define LATIN_MATRIX_ASYMMETRY LatinByPrecision(1e-8, 1e-4)
 
 enum { LATIN_ROW_ISOLATED = -2 }; /* in place of a copy: the unknown of a local row is isolated, coupled to no other */
 
@@ -17,7 +18,7 @@ typedef struct {
   PetscInt               rows;
   const PetscInt        *i, *j, *global;
   const PetscScalar     *a;
-  PetscBool              mirrored;       /* dense and symmetric to the bit */
+  PetscBool              mirrored;       /* whether it is dense and symmetric to the bit */
   PetscInt              *first, *column; /* of a mirrored matrix: i and j */
 } LatinLocalMatrix;
 

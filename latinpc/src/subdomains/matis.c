@@ -1,14 +1,16 @@
 #include "subdomains/localmatrix.h"
 
 /*
-   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a part of it (subdomains/matisparts.c). Each dof is a
-   node with one component. So scalar problems, blocks, several fields and partly constrained nodes are no special cases.
+   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a part of it (subdomains/matisparts.c). Each dof is a node with one
+   component. So scalar problems, blocks, several fields and partly constrained nodes are no special cases.
 
-   Isolated unknowns, coupled to no other, as after MatZeroRowsColumns(), belong to no subdomain: the preconditioner divides by
-   their diagonal. A subdomain has no copy of an unknown whose rows are zero there.
+   1. Isolated unknowns, coupled to no other, as after MatZeroRowsColumns(), belong to no subdomain: the preconditioner divides by their diagonal.
+   2. Each part of the local matrix becomes a subdomain. It has no copy of an unknown whose rows are zero there.
+   3. The entries of its rows are copied, and mirrored where they are sums.
+   4. The copies get data of the unknowns; springs are added if the matrix has a null space.
 */
 
-/* sub->unassigned_inverse: inverse diagonal of isolated unknowns. Collective on sub->object */
+/* Computes sub->unassigned_inverse, the inverse diagonal of isolated unknowns. Collective on sub->object */
 PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
 {
   PetscReal *diagonal, *sum;
@@ -22,12 +24,16 @@ PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *sub, const LatinLoca
   PetscCall(LatinSFFetch_Private(PetscObjectComm(sub->object), sub->nodes_local, local->rows, local->global, &sf));
   PetscCall(LatinSFReduce_Private(sf, 1, MPIU_REAL, diagonal, sum, MPI_SUM));
   PetscCall(PetscSFDestroy(&sf));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++) sub->unassigned_inverse[k] = sum[sub->unassigned[k]] != 0.0 ? 1.0 / sum[sub->unassigned[k]] : 1.0; /* a row of zeros: any number serves */
+  /* a row of zeros: any number serves */
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) sub->unassigned_inverse[k] = sum[sub->unassigned[k]] != 0.0 ? 1.0 / sum[sub->unassigned[k]] : 1.0;
   PetscCall(PetscFree2(diagonal, sum));
   PetscFunctionReturn(0);
 }
 
-/* kept[row]: has a local row a copy? sub->row_copy[row]: LATIN_ROW_ISOLATED if its unknown is isolated on all ranks, else -1. Sets sub->unassigned. Collective on sub->object */
+/*
+   Finds isolated unknowns. kept[row]: whether a local row has a copy; sub->row_copy[row]: LATIN_ROW_ISOLATED if its unknown is isolated on all ranks,
+   else -1. Sets sub->unassigned. Collective on sub->object
+*/
 static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[])
 {
   PetscInt *coupled, *all;
@@ -60,7 +66,10 @@ static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const La
   PetscFunctionReturn(0);
 }
 
-/* Makes the copies, part by part, in each by global number; all rows of an unknown in a part have one. sub->row_copy[row]: copy of a local row. row[*rows]: rows with a copy, sorted by copies */
+/*
+   Makes the copies, part by part, in each by global number; all rows of an unknown in a part have one. sub->row_copy[row]: copy of a local row;
+   row[*rows]: rows with a copy, sorted by copies
+*/
 static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], PetscInt *rows, PetscInt row[])
 {
   PetscInt *next, *global, *at = sub->row_copy;
@@ -124,7 +133,10 @@ PetscErrorCode LatinMatrixMirror_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The compressed rows of the operators. Entries are kept if neither they nor their transposed ones are zero: METIS needs a symmetric graph, and rounding may leave one of the two */
+/*
+   Makes the compressed rows of the operators; at[row]: copy of a local row. Entries are kept if neither they nor their transposed ones are zero: METIS
+   needs a symmetric graph, and rounding may leave one of the two
+*/
 static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt at[], PetscInt rows, const PetscInt row[])
 {
   PetscInt next = 0;
@@ -169,7 +181,7 @@ static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinL
   PetscFunctionReturn(0);
 }
 
-/* Scatters from vectors of the matrix to copies; coordinates, fields and near null space at the copies. Collective on sub->object */
+/* Creates scatters from vectors of the matrix to copies; gets coordinates, fields and near null space at the copies. Collective on sub->object */
 static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 {
   const LatinUnknowns *known = &sub->known;
@@ -195,10 +207,10 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 }
 
 /*
-   A singular matrix with null space N is preconditioned as A + E a E^t: one spring for each vector of N, on unknowns E such that N^t E
-   is regular. The largest entries of N decide, each times the root of its stiffness: springs on soft unknowns let stiff parts move far, whose
-   rounding is forces. For a right-hand side orthogonal to N the springs carry no force, so that the solution is one of A; the spectrum on
-   the complement of N is the same. Collective on sub->object
+   Adds springs to a singular matrix A with null space N, which is preconditioned as A + E a E^t: one spring for each vector of N, on unknowns E such
+   that N^t E is regular, as stiff as their diagonal entries. Gaussian elimination chooses the largest entries of N, each times the root of its
+   stiffness: springs on soft unknowns let stiff parts move far, whose rounding is forces. For a right-hand side orthogonal to N the springs carry no
+   force, so that the solution is one of A; the spectrum on the complement of N is the same. Collective on sub->object
 */
 PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
 {
@@ -251,7 +263,7 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The subdomains of the local matrices of sub->matrix. Collective on sub->object */
+/* Makes the subdomains from the local matrices of sub->matrix. Collective on sub->object */
 PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
 {
   MPI_Comm         comm = PetscObjectComm(sub->object);

@@ -2,11 +2,13 @@
 #include <petscds.h>
 #include <petscfe.h>
 
-#define LATIN_KERNEL_LEFT LatinByPrecision(1e-6, 1e-2) /* of the largest diagonal entry: what the matrix may make of a vector of its null space */
-
 /*
-   Data of the unknowns of a matrix: coordinates, fields, near null space. They improve the macro modes; none is required.
+   largest residual of a vector of the null space, relative to the largest diagonal entry and the vector; rounding leaves 1e-12, a wrong vector 1e-2 and
+   more
 */
+#define LATIN_KERNEL_LEFT LatinByPrecision(1e-6, 1e-2)
+
+/* Data of the unknowns of a matrix: coordinates, fields, near null space. They improve the macro modes; none is required. */
 
 /* Function for DMProjectFunction(): coordinate *ctx, for all components of a field */
 static PetscErrorCode LatinCoordinate_Private(PetscInt dim, PetscReal t, const PetscReal x[], PetscInt n, PetscScalar *out, void *ctx)
@@ -22,7 +24,7 @@ static PetscErrorCode LatinComponent_Private(PetscInt dim, PetscReal t, const Pe
   return 0;
 }
 
-/* Coordinates and fields of finite element unknowns: interpolates x, y, z and component numbers in the element spaces. Collective on dm */
+/* Gets coordinates and fields of finite element unknowns: interpolates x, y, z and component numbers in the element spaces. Collective on dm */
 static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinUnknowns *known)
 {
   typedef PetscErrorCode (*Function)(PetscInt, PetscReal, const PetscReal[], PetscInt, PetscScalar *, void *);
@@ -75,7 +77,10 @@ static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinU
   PetscFunctionReturn(0);
 }
 
-/* Coordinates from v, a block for each node: of PCSetCoordinates(); or of a DM, used only if its vectors have a block for each node, as of a DMDA. Collective on v */
+/*
+   Gets coordinates from v, a block for each node: given by PCSetCoordinates(); or of a DM, used only if its vectors have a block for each node, as of a
+   DMDA. Collective on v
+*/
 static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool given, PetscInt rows, LatinUnknowns *known)
 {
   MPI_Comm           comm = PetscObjectComm((PetscObject)v);
@@ -106,7 +111,7 @@ static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool 
   PetscFunctionReturn(0);
 }
 
-/* *vectors: the vectors of a null space, column-major, the constant one first */
+/* Copies the vectors of a null space to *vectors, column-major, the constant one first */
 static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt rows, PetscInt *count, PetscReal *vectors[])
 {
   PetscBool          constant = PETSC_FALSE;
@@ -142,7 +147,7 @@ PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *known)
   PetscFunctionReturn(0);
 }
 
-/* Number of non-finite numbers */
+/* Returns the number of non-finite numbers */
 static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
 {
   PetscInt count = 0;
@@ -151,7 +156,7 @@ static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
   return count;
 }
 
-/* Refuses a null space that is none of A, whose stiffest unknown is the measure. Collective on A */
+/* Fails if a vector of the null space is not in the kernel of A, whose stiffest unknown is the measure. Collective on A */
 static PetscErrorCode LatinKernelCheck_Private(Mat A, MatNullSpace kernel)
 {
   PetscBool  constant;

@@ -2,14 +2,14 @@
 #include <metis.h>
 
 /*
-   The parts of a local matrix: its connected components, each a subdomain. With repeated unknowns (MatISSetAllowRepeated()), as of
-   element matrices each in rows of its own, the components are pieces that are joined to the wanted number of subdomains: the
-   matrix of a subdomain is the sum of those of its pieces.
+   Parts of a local matrix: its connected components, each a subdomain. With repeated unknowns (MatISSetAllowRepeated()), as of element matrices each in
+   rows of its own, the components are pieces that are joined to the wanted number of subdomains: the matrix of a subdomain is the sum of those of its
+   pieces.
 */
 
 /*
-   Joins the rows of each block, as unknowns of one node may be uncoupled in the matrix. Rows of a repeated unknown belong to different
-   pieces: a block ends before the second of them, as the rows of a piece are consecutive. repeated[row]: is the unknown repeated?
+   Joins the rows of each block, as unknowns of one node may be uncoupled in the matrix. Rows of a repeated unknown belong to different pieces: a block
+   ends before the second of them, as the rows of a piece are consecutive. repeated[row]: whether the unknown is repeated
 */
 static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, PetscInt bs, const PetscBool kept[], PetscInt parent[], PetscBool repeated[])
 {
@@ -42,7 +42,7 @@ static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, P
   PetscFunctionReturn(0);
 }
 
-/* row[*count]: the kept rows, sorted by their unknowns global[] */
+/* Lists the kept rows in row[*count], sorted by their unknowns global[] */
 static PetscErrorCode LatinMatrixKept_Private(const LatinLocalMatrix *local, const PetscBool kept[], PetscInt *count, PetscInt global[], PetscInt row[])
 {
   PetscFunctionBegin;
@@ -56,7 +56,7 @@ static PetscErrorCode LatinMatrixKept_Private(const LatinLocalMatrix *local, con
   PetscFunctionReturn(0);
 }
 
-/* group[piece]: partition of the pieces piece[row] by METIS; pieces with a common unknown are neighbours */
+/* Partitions the pieces piece[row] into group[piece], by METIS; pieces with a common unknown are neighbours */
 static PetscErrorCode LatinMatrixGroups_Private(PetscInt rows, const PetscInt global[], const PetscInt row[], const PetscInt piece[], PetscInt pieces, PetscInt groups, PetscInt group[])
 {
   idx_t *first, *list, *weight, *part, *of_unknown, options[METIS_NOPTIONS], elements = (idx_t)pieces, unknowns = 0, common = 1, parts = (idx_t)groups, cut;
@@ -111,9 +111,9 @@ static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, Pet
 }
 
 /*
-   part[row]: the part of each row of the local matrix, -1: no copy, numbered in the order of their first rows. sub->n: their number.
-   sub->wanted subdomains are divided equally among ranks; 0: one for each rank. A component of one row, a spring to the ground, joins
-   the first part, or is a part itself if its unknown is repeated. Collective on sub->object
+   Computes part[row], the part of each row of the local matrix, -1: no copy, numbered in the order of their first rows, and their number sub->n.
+   sub->wanted subdomains are divided equally among ranks; 0: one for each rank. A component of one row, a spring to the ground, joins the first part,
+   or is a part itself if its unknown is repeated. Collective on sub->object
 */
 PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt part[])
 {

@@ -10,8 +10,9 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
 {
   const PetscInt *ki = sub->ki, *kj = sub->kj, *copy = sub->row_copy;
   PetscReal      *ka = sub->ka;
-  PetscInt       *place, left = ki[sub->copies]; /* [copies] 1 + position of the entry of the current row in this column; number of entries without a value yet */
-  PetscBool      *has;
+  /* [copies] 1 + position of the entry of the current row in this column; number of entries without a value yet */
+  PetscInt  *place, left = ki[sub->copies];
+  PetscBool *has;
 
   PetscFunctionBegin;
   *same = (PetscBool)(local->rows == sub->rows && !sub->dense);
@@ -51,7 +52,7 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
   PetscFunctionReturn(0);
 }
 
-/* Are the operators finite and symmetric? The entries of a column below the diagonal are in the order of the rows above it */
+/* Sets *symmetric: whether the operators are finite and symmetric. The entries of a column below the diagonal are in the order of the rows above it */
 static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub, PetscBool *symmetric)
 {
   const PetscInt  *ki = sub->ki, *kj = sub->kj;
@@ -106,8 +107,8 @@ static PetscErrorCode LatinMatrixKnown_Private(LatinSubdomains *sub, PetscBool *
 }
 
 /*
-   Takes new values of sub->matrix. *same: subdomains and copies remain valid on all ranks; otherwise their data is undefined and
-   a new set-up is needed. Collective on sub->object
+   Copies new values from sub->matrix. *same: subdomains and copies remain valid on all ranks; otherwise their data is undefined and a new set-up is
+   needed. Collective on sub->object
 */
 PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *same)
 {

@@ -6,7 +6,7 @@
    sparse matrix, and data to compare operators.
 */
 
-/* f = K v, subdomain by subdomain */
+/* Computes f = K v, subdomain by subdomain */
 PetscErrorCode LatinOperatorMult(const LatinSubdomains *sub, const PetscReal v[], PetscReal f[])
 {
   const PetscInt bs = sub->bs;
@@ -31,6 +31,7 @@ PetscErrorCode LatinOperatorMult(const LatinSubdomains *sub, const PetscReal v[]
   PetscFunctionReturn(0);
 }
 
+/* Computes the diagonal of the operators, [copies * bs] */
 PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diagonal[])
 {
   const PetscInt bs = sub->bs;
@@ -53,7 +54,7 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
   PetscFunctionReturn(0);
 }
 
-/* A (n x n): block of the operator of subdomain s of a matrix; position[row]: row and column in A, -1: not in it */
+/* Copies a block of the operator of subdomain s of a matrix to A (n x n). position[row]: row and column in A, -1: not in it */
 void LatinOperatorDense(const LatinSubdomains *sub, PetscInt s, PetscInt n, const PetscInt position[], PetscReal A[])
 {
   const PetscInt top = sub->node_offset[s];

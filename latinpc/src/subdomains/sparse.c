@@ -7,27 +7,28 @@
    to the bit.
 */
 
-/* The terms of the rows of a subdomain, rows numbered from its first one */
+/* Terms of the rows of a subdomain, which are numbered from its first one */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinBlock      *block;
   const PetscReal       *spring;
-  const PetscBool       *held; /* rows and columns to replace by those of the identity */
+  const PetscBool       *held; /* [rows] whether to replace a row and column by those of the identity */
   PetscInt               top, rows, blocks;
-  PetscInt              *link_first, *link;     /* links at each node, increasing */
-  PetscInt              *part_first, *part;     /* rows of blocks at each row; rows of all blocks are numbered consecutively */
-  PetscInt              *part_block, *part_row; /* block and row in it, of each of these numbers */
+  PetscInt              *link_first, *link;     /* [nodes + 2] range of each node; links at each node, increasing */
+  PetscInt              *part_first, *part;     /* [rows + 2] range of each row; rows of blocks at each row; rows of all blocks are numbered consecutively */
+  PetscInt              *part_block, *part_row; /* block and row in it of each of these numbers */
 } LatinRows;
 
-/* The rows of one node during the assembly, by blocks of bs x bs entries */
+/* Rows of one node during the assembly, by blocks of bs x bs entries */
 typedef struct {
-  PetscInt   n, *node, *slot; /* [n] nodes of the columns; their blocks in value[], after sorting of node[] */
-  PetscInt  *place;           /* [nodes] the block of the columns of a node, valid if node[place] is this node */
-  PetscReal *value;           /* [n][bs][bs] */
-  PetscBool *met;             /* [n][bs][bs] is it an entry of a link, of whatever stiffness? NULL: zeros are no entries */
+  /* number of blocks; [n] nodes of their columns, which are sorted at the end; their places in value[] */
+  PetscInt   n, *node, *slot;
+  PetscInt  *place; /* [nodes] block of the columns of a node, valid if node[place] is this node */
+  PetscReal *value; /* [n][bs][bs] entries */
+  PetscBool *met;   /* [n][bs][bs] whether an entry is one of a link, of whatever stiffness; NULL: zeros are no entries */
 } LatinNodeRows;
 
-/* The block of the columns of a node, which is zeroed on first use */
+/* Returns the block of the columns of a node, which is zeroed on first use */
 static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *gathered, PetscInt node)
 {
   const PetscInt size = rows->sub->bs * rows->sub->bs;
@@ -42,7 +43,7 @@ static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *ga
   return gathered->value + size * at;
 }
 
-/* Lists of the links at each node and of the block rows at each row */
+/* Lists the links at each node and the block rows at each row */
 static PetscErrorCode LatinRowsCreate_Private(LatinRows *rows, PetscInt s)
 {
   const LatinSubdomains *sub = rows->sub;
@@ -77,7 +78,7 @@ static PetscErrorCode LatinRowsDestroy_Private(LatinRows *rows)
   PetscFunctionReturn(0);
 }
 
-/* Upper bound of the number of column nodes of a node */
+/* Returns an upper bound of the number of column nodes of a node */
 static PetscInt LatinRowsNeighbours(const LatinRows *rows, PetscInt node)
 {
   const LatinSubdomains *sub  = rows->sub;
@@ -141,7 +142,10 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     }
 }
 
-/* Writes row c of a node to K from entry nz on, without held columns and zeros, but with zeros of links with large rotations and with those that are met, whose pattern must not change. Returns the end of the row */
+/*
+   Writes row c of a node to K from entry nz on. Held columns and zeros are left out, but not zeros of links with large rotations nor `met` ones, as the
+   pattern must not change. Returns the end of the row
+*/
 static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathered, PetscInt node, PetscInt c, LatinSparse *K, PetscInt nz)
 {
   const PetscInt bs = rows->sub->bs, r = bs * node + c;
@@ -193,8 +197,8 @@ static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K
 }
 
 /*
-   K: the operator of subdomain s plus springs and dense blocks; rows and columns of held dofs are those of the identity. spring[] and
-   held[] are arrays over all copies. LatinSparseReset_Private() frees it.
+   Assembles K: the operator of subdomain s plus springs and dense blocks; rows and columns of held dofs are those of the identity. spring[] and held[]
+   are arrays over all copies. LatinSparseReset_Private() frees K.
 */
 PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock block[], LatinSparse *K)
 {
@@ -215,7 +219,8 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscCall(PetscMalloc1(bs * nodes + 1, &K->i));
   PetscCall(PetscMalloc2(entries, &K->j, entries, &K->a));
   PetscCall(PetscMalloc3(most, &gathered.node, most, &gathered.slot, bs * bs * most, &gathered.value));
-  if (sub->tangent && !sub->part && !sub->ki) PetscCall(PetscMalloc1(bs * bs * most, &gathered.met)); /* links slacken and stiffnesses cancel, but one symbolic factorisation serves all */
+  /* links slacken and stiffnesses cancel, but one symbolic factorisation serves all */
+  if (sub->tangent && !sub->part && !sub->ki) PetscCall(PetscMalloc1(bs * bs * most, &gathered.met));
   PetscCall(PetscCalloc1(nodes, &gathered.place));
   for (PetscInt i = 0; i < nodes; i++) {
     if (sub->ki && bs == 1 && rows.part_first[i] == rows.part_first[i + 1]) {
@@ -242,7 +247,10 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscFunctionReturn(0);
 }
 
-/* Recomputes the values of K, of a matrix and without blocks. *same: the pattern has not changed; otherwise the values are undefined */
+/*
+   Recomputes the values of K, the operator of a subdomain of a matrix without blocks. *same: the pattern has not changed; otherwise the values are
+   undefined
+*/
 PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *K, PetscBool *same)
 {
   const PetscInt top = sub->bs * sub->node_offset[s];

@@ -2,11 +2,15 @@
 #include "subdomains/latinsubdomains.h"
 
 /*
-   Substructuring, section 3.1: links, not nodes, are partitioned, so that laws are inside subdomains. Each rank has a block of
-   consecutive subdomains, with their links and node data.
+   Substructuring, section 3.1: links, not nodes, are partitioned, so that laws are inside subdomains.
+
+   1. Subdomains are assigned to ranks, each a block of consecutive ones.
+   2. Links go to the ranks of their subdomains.
+   3. Each subdomain gets copies of its nodes, with their data.
+   4. Links with a state are numbered.
 */
 
-#define LATIN_FACTOR_POWER 1.5 /* growth of the entries of a factor with the links of a subdomain */
+#define LATIN_FACTOR_POWER 1.5 /* exponent of the growth of the entries of a factor with the links of a subdomain */
 
 /* Assigns subdomains to ranks, balanced by cost: in the prefix sum of costs, the midpoint of a subdomain determines its rank. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
@@ -37,7 +41,7 @@ static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Load balance, maximum over mean: links (entries of a matrix) and free dofs of subdomains, cost of ranks as above. Collective on sub->object */
+/* Measures the load balance, maximum over mean: links (entries of a matrix) and free dofs of subdomains, cost of ranks as above. Collective on sub->object */
 PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscReal *links, PetscReal *dofs, PetscReal *ranks)
 {
   MPI_Comm       comm   = PetscObjectComm(sub->object);
@@ -67,7 +71,7 @@ PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscR
   PetscFunctionReturn(0);
 }
 
-/* link_sf: the links here, by subdomain, in each by global number. Collective on sub->object */
+/* Creates link_sf: the links here, by subdomain, in each by global number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
 {
   const LatinStructure structure = sub->structure;
@@ -106,7 +110,7 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The copies: the nodes of the links of each subdomain, by increasing number. Collective on sub->object */
+/* Makes the copies: the nodes of the links of each subdomain, by increasing number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 {
   PetscInt *node; /* nodes of link ends, subdomain by subdomain; then copies, which overwrite nodes that have been read */
@@ -132,7 +136,7 @@ static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Masses without links are in no subdomain: a spring to the ground alone holds them. Collective on sub->object */
+/* Lists masses without links, which are in no subdomain: a spring to the ground alone holds them. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsUnassigned_Private(LatinSubdomains *sub)
 {
   const PetscInt    *degree;
@@ -155,7 +159,7 @@ static PetscErrorCode LatinSubdomainsUnassigned_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Scatters from nodes of the structure and from vectors of the DM to copies; node data at the copies. Collective on sub->object */
+/* Creates scatters from nodes of the structure and from vectors of the DM to copies; gets node data at the copies. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
 {
   LatinStructure  structure = sub->structure;
@@ -195,7 +199,7 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Scatters values of the links with a state to the links of the structure; 0 at the others. Collective on sub->object */
+/* Scatters values of the links with a state to the links of the structure, 0 to the others. Collective on sub->object */
 PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const PetscReal state[], PetscReal value[])
 {
   PetscReal *here;
@@ -208,7 +212,7 @@ PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const P
   PetscFunctionReturn(0);
 }
 
-/* Has a link an end with a free component? Otherwise it acts on no unknown, and a state would only add noise */
+/* Whether link l has an end with a free component. Otherwise it acts on no unknown, and a state would only add noise */
 static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
 {
   const PetscInt dim = sub->structure->dim;
@@ -219,7 +223,10 @@ static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
   return PETSC_FALSE;
 }
 
-/* The ascent directions of the local stages: stiffnesses, and of rigid links the search parameters of the caller, or else automatic ones. Collective on sub->object */
+/*
+   Sets the ascent directions of the local stages: stiffnesses; of rigid links the search parameters of the caller, or else automatic ones. Collective
+   on sub->object
+*/
 static PetscErrorCode LatinSubdomainsAscents_Private(LatinSubdomains *sub)
 {
   LatinStructure structure = sub->structure;
@@ -328,7 +335,10 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* copy[]: entries of a global vector, of the DM or of the matrix, at free components of the copies; the others are unchanged. Collective on sub->object */
+/*
+   Copies the entries of a global vector, of the DM or of the matrix, to free components of copy[copies * bs]; the others are unchanged. Collective on
+   sub->object
+*/
 PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscReal copy[])
 {
   const PetscScalar *a;
@@ -340,7 +350,7 @@ PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscR
   PetscFunctionReturn(0);
 }
 
-/* u: sums over the copies, on all ranks; zero at unknowns in no subdomain. Collective on sub->object */
+/* Computes u, sums over the copies on all ranks; zero at unknowns in no subdomain. Collective on sub->object */
 PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy[], Vec u)
 {
   PetscScalar *a;
@@ -353,7 +363,7 @@ PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy
   PetscFunctionReturn(0);
 }
 
-/* Solves for the unknowns in no subdomain: y = x over their diagonal, other entries of y unchanged */
+/* Solves for the unknowns in no subdomain: y = x over their diagonal; other entries of y are unchanged */
 PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *sub, Vec x, Vec y)
 {
   const PetscScalar *a;
