@@ -1,7 +1,8 @@
 #include "stages/latinstages.h"
 
-/* The fixed-point map z -> G(z) of section 3.3: a linear stage, then a local stage; its state and its displacements. */
+/* The fixed-point map z -> G(z) of section 3.3, a linear stage and then a local stage; its state z and its displacements. */
 
+/* Creates a state: side dofs, then nonsmooth links. Collective on sub->object */
 PetscErrorCode LatinCreateState_Private(const LatinLinear *linear, Vec *z)
 {
   PetscFunctionBegin;
@@ -13,8 +14,8 @@ PetscErrorCode LatinCreateState_Private(const LatinLinear *linear, Vec *z)
 }
 
 /*
-   The state of the prestressed configuration: zero on interfaces, nonsmooth links taut under their prestrain, rigid links without
-   tension, displacements zero but for prescribed ones.
+   Sets the state of the prestressed configuration: zero on interfaces, nonsmooth links taut under their prestrain, rigid links without tension,
+   displacements zero but for prescribed ones.
 */
 PetscErrorCode LatinInitialState_Private(LatinLinear *linear, Vec z)
 {
@@ -39,8 +40,8 @@ PetscErrorCode LatinInitialState_Private(LatinLinear *linear, Vec z)
 }
 
 /*
-   Gz = G(z): linear stage, local stage. Updates the displacements linear.U and the indicator. G depends on z alone: linear.U on
-   entry is the initial guess of the linear stage, which solves for an increment. Collective on sub->object
+   Computes Gz = G(z): linear stage, local stage. Updates the displacements linear->U and the indicator. G depends on z alone: linear->U on entry is the
+   initial guess of the linear stage, which solves for an increment. Collective on sub->object
 */
 PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
 {
@@ -62,7 +63,10 @@ PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
   PetscFunctionReturn(0);
 }
 
-/* u: mean displacement of the copies of each node, and the displacements of dofs in no subdomain. Collective on sub->object */
+/*
+   Computes u, the mean displacement of the copies of each node and the displacements of dofs in no subdomain. Overwrites linear->g. Collective on
+   sub->object
+*/
 PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -79,7 +83,10 @@ PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Relative errors of the displacements linear.U from a reference on copies, in the Euclidean and the energy norm; absolute if the reference is zero. Collective on sub->object */
+/*
+   Computes the relative errors of the displacements linear->U from a reference on copies, in the Euclidean and the energy norm; absolute if the
+   reference is zero. Collective on sub->object
+*/
 PetscErrorCode LatinErrors_Private(const LatinLinear *linear, const PetscReal reference[], PetscReal *l2, PetscReal *energy)
 {
   const LatinSubdomains *sub    = linear->sub;

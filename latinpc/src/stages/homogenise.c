@@ -1,35 +1,36 @@
 #include "stages/latinstages.h"
 
 /*
-   Condensation of the subdomains on their coarse dofs, (45)-(51). With r the dofs that are not primal, C the primal
-   ones, A the macro functionals (rows (d R)^t, so that A U is the macro displacement):
+   Condensation of the subdomains on their coarse dofs, (45)-(51). With r the dofs that are not primal, C the primal ones, A the macro functionals (rows
+   (D R)^t, so that A U is the macro displacement):
 
      V_m = K_rr^-1 A_r^t,  V_C = K_rr^-1 K_rC,  T = A_r V_m,  N = A_C - A_r V_C,
      H   = [ T^-1 - 1        -T^-1 N                        ]
            [ -N^t T^-1       K_CC - K_Cr V_C + N^t T^-1 N   ]
      Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]  on r,  (0, 1) on C
 
-   A factor that keeps the primal rows gives their Schur complement K_CC - K_Cr V_C, and the forward substitution of V_m
-   leaves -V_C^t A_r^t in them. Then V_m alone is computed, in rows of interfaces, and stored in place of Phi.
+   A factor that keeps the primal rows gives their Schur complement K_CC - K_Cr V_C, and the forward substitution of V_m leaves -V_C^t A_r^t in them.
+   Then V_m alone is computed, in rows of interfaces, and stored in place of Phi.
 
-   K contains springs on the macro displacement, but the method has none (only the micro part has a search direction).
-   As R^t d R = 1, their energy is |A U|^2 / 2: hence the identity subtracted from T^-1, as in (29).
+   K contains springs on the macro displacement, but the method has none (only the micro part has a search direction). As R^t D R = 1, their energy is
+   |A U|^2 / 2: hence the identity subtracted from T^-1, as in (29).
 */
 
-#define LATIN_HOMOGENISE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
+#define LATIN_HOMOGENISE_COLUMNS 16 /* right-hand sides solved together: the work space is that many copies of U */
 
-#define LATIN_INVERSE_ROWS   512 /* rows of the largest dense inverse, 2 MB */
-#define LATIN_INVERSE_RUN    8   /* fewest members of a batch for each run of consecutive subdomain numbers */
+#define LATIN_INVERSE_ROWS   512 /* most rows of a dense inverse, 2 MB, as in a second-level cache */
+#define LATIN_INVERSE_RUN    8   /* least members of a batch for each run of consecutive subdomain numbers; with fewer a product is bound by memory */
 #define LATIN_INVERSE_STAGES 8   /* most columns of an inverse, in right-hand sides of so many linear stages */
 
 /* Work arrays of the condensation of a subdomain */
 typedef struct {
-  PetscInt     columns;         /* of B, V and G: all coarse dofs or, if the factor keeps the primal rows, the macro ones */
-  PetscInt     rows, *row, *at; /* rows in which B may be nonzero, increasing; [rows of the subdomain] their positions among these */
-  PetscScalar *B, *V, *G;       /* [A_r^t, K_rC] and K_rr^-1 B, in these rows; B^t V */
+  PetscInt columns; /* number of columns of B, V and G: all coarse dofs or, if the factor keeps the primal rows, the macro ones */
+  /* number of rows in which B may be nonzero; these, increasing; [rows of the subdomain] their positions among these, -1: none */
+  PetscInt     rows, *row, *at;
+  PetscScalar *B, *V, *G; /* [A_r^t, K_rC] and K_rr^-1 B, in these rows; B^t V */
 } LatinCondensation;
 
-/* row and at: the rows of subdomain s at shared nodes, on interfaces, on primal dofs, or coupled to these */
+/* Lists row and at: the rows of subdomain s at shared nodes, on interfaces, on primal dofs, or coupled to these */
 static PetscErrorCode LatinHomogeniseRows_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
   const LatinInterfaces *inter = linear->inter;
@@ -50,7 +51,7 @@ static PetscErrorCode LatinHomogeniseRows_Private(const LatinLinear *linear, Pet
   PetscFunctionReturn(0);
 }
 
-/* B = [A_r^t, K_rC] of subdomain s */
+/* Assembles B = [A_r^t, K_rC] of subdomain s */
 static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
   const LatinInterfaces *inter = linear->inter;
@@ -70,7 +71,7 @@ static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, 
   PetscFunctionReturn(0);
 }
 
-/* phi: all rows of K_rr^-1 B, by blocks of columns */
+/* Computes phi, all rows of K_rr^-1 B, m columns, by blocks of columns. *failed: the reason of a failure */
 static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[], KSPConvergedReason *failed)
 {
   const PetscInt n = linear->batches->batch[which].rows;
@@ -118,7 +119,7 @@ static PetscErrorCode LatinHomogeniseProduct_Private(const LatinLinear *linear, 
   PetscFunctionReturn(0);
 }
 
-/* G = B^t V, m columns each: the lower triangle by blocks, mirrored */
+/* Computes G = B^t V, m columns each: the lower triangle by blocks, mirrored */
 static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, PetscInt m, const PetscScalar V[])
 {
   const PetscScalar one = 1.0, zero = 0.0;
@@ -141,8 +142,8 @@ static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, P
 }
 
 /*
-   Phi: [V_m, V_C], and G = B^t [V_m, V_C], from which H follows. If the factor keeps the primal rows, Phi is V_m in the rows of B;
-   the primal rows of V_m hold -V_C^t A_r^t until LatinHomogeniseKept_Private() takes them
+   Computes [V_m, V_C] in Phi, and G = B^t [V_m, V_C], from which H follows. If the factor keeps the primal rows, Phi is V_m in the rows of B; the
+   primal rows of V_m hold -V_C^t A_r^t until LatinHomogeniseKept_Private() takes them
 */
 static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, LatinCondensation *work, KSPConvergedReason *failed)
 {
@@ -194,7 +195,10 @@ static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, Pet
   PetscFunctionReturn(0);
 }
 
-/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain from G; subtracts K_Cr V_C from H. If the factor keeps the primal rows, only A_C is added: LatinHomogeniseKept_Private() has done the rest */
+/*
+   Computes T (macros x macros) and N = A_C - A_r V_C (macros x primals) of subdomain s from G; subtracts K_Cr V_C from H. If the factor keeps the
+   primal rows, only A_C is added to N: LatinHomogeniseKept_Private() has done the rest
+*/
 static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const LatinCondensation *work, PetscScalar T[], PetscScalar N[], PetscScalar H[])
 {
   const PetscScalar     *G      = work->G;
@@ -216,8 +220,8 @@ static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const La
 }
 
 /*
-   H and Phi of one subdomain; H holds K_CC on entry. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the inverse
-   under zero coarse displacements. *singular: T is not positive definite.
+   Computes H and Phi of one subdomain; H holds K_CC on entry. inverse: NULL, or K_rr^-1, which becomes K_rr^-1 - V_m T^-1 V_m^t, the inverse under zero
+   coarse displacements. *singular: T is not positive definite.
 */
 static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
 {
@@ -266,7 +270,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   PetscFunctionReturn(0);
 }
 
-/* Does batch `which` use a dense inverse, given or to be computed by a direct solver? It pays for few rows and many members */
+/* Whether batch `which` uses a dense inverse, given or to be computed by a direct solver: it pays for few rows and many members */
 PetscBool LatinHomogeniseInverts(const LatinLinear *linear, PetscInt which)
 {
   const LatinBatch *batch = &linear->batches->batch[which];
@@ -278,7 +282,7 @@ PetscBool LatinHomogeniseInverts(const LatinLinear *linear, PetscInt which)
 }
 
 /*
-   K_rr^-1 of a batch of many equal subdomains with consecutive numbers: one product with it, of many columns in place, is faster than
+   Computes K_rr^-1 of a batch of many equal subdomains with consecutive numbers: one product with it, of many columns in place, is faster than
    substitutions. Prescribed and primal rows and columns are zero.
 */
 static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
@@ -323,7 +327,7 @@ static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* H and Phi of all subdomains here. Collective on sub->object */
+/* Computes H and Phi of all subdomains. Collective on sub->object */
 PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
 {
   KSPConvergedReason failed = KSP_CONVERGED_ITERATING;

@@ -1,6 +1,6 @@
 /*
-   The two stages of an iteration: linear (sections 3.2 and 5) and local (section 3.3); and the fixed-point map z -> G(z), a
-   linear stage and a local stage.
+   The two stages of an iteration: linear (sections 3.2 and 5) and local (section 3.3); and the fixed-point map z -> G(z), a linear stage and then a
+   local stage.
 */
 #ifndef LATINSTAGES_H
 #define LATINSTAGES_H
@@ -9,16 +9,16 @@
 #include <math.h> /* INFINITY: that of PETSc is a large number */
 
 /* ---- linear stage (stages/linear.c, stages/homogenise.c): operators of the subdomains and work arrays ---- */
-/* An entry of K_rC, see stages/homogenise.c */
+/* Entry of K_rC, see stages/homogenise.c */
 typedef struct {
-  PetscInt  row, primal; /* from the subdomain's first row; position in its primal list */
+  PetscInt  row, primal; /* row, relative to the first one of the subdomain; position among its primal dofs */
   PetscReal value;
 } LatinCoupling;
 
-/* The coarse basis of a subdomain: Phi of stages/homogenise.c in all its rows or, if its factor keeps the primal rows, V_m in rows of interfaces */
+/* Coarse basis of a subdomain: Phi of stages/homogenise.c in all its rows or, if its factor keeps the primal rows, V_m in rows of interfaces */
 typedef struct {
-  PetscInt   rows, *row; /* rows of V_m, relative to the first one of the subdomain, increasing */
-  PetscReal *a;          /* rows x coarse dofs (macro ones for V_m), column-major */
+  PetscInt   rows, *row; /* number of rows; [rows] rows of V_m, relative to the first one of the subdomain, increasing; none for Phi */
+  PetscReal *a;          /* [rows] x coarse dofs (macro ones for V_m), column-major */
 } LatinPhi;
 
 typedef struct {
@@ -27,43 +27,47 @@ typedef struct {
   const LatinDirections *dir;
   const LatinMacro      *macro;
   const LatinBatches    *batches;
-  LatinSpectral         *spectral; /* its inverses are taken by the set-up */
+  LatinSpectral         *spectral; /* local low-energy fields, whose inverses the set-up takes */
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
-  PetscBool              substructures; /* all interface dofs are coarse dofs: see stages/substructures.c; no Phi */
-  PetscBool              released;      /* the entries of their operators have been released */
-  PetscBool              shared;        /* set by the caller: forces are nonzero, and displacements are read, at nodes of several subdomains alone */
-  PetscBool              precise;       /* condense in double precision: the coarse problem is too soft for single */
+  PetscBool              substructures; /* whether all interface dofs are coarse dofs: see stages/substructures.c; no Phi */
+  PetscBool              released;      /* whether the entries of the operators of substructures have been released */
+  /* whether forces are nonzero, and displacements are read, at nodes of several subdomains alone; set by the caller */
+  PetscBool shared;
+  PetscBool precise; /* whether to condense in double precision, as the coarse problem is too soft for single */
   /* stored once for equal subdomains, indexed by subdomain */
-  PetscInt        *rc_first, *rc_last; /* [subdomains] range of K_rC in rc */
+  PetscInt        *rc_first, *rc_last; /* [subdomains] range of the entries of K_rC in rc */
   LatinCoupling   *rc;
   LatinHomogenised stiffness;
-  LatinPhi        *Phi;           /* [subdomains] */
-  PetscReal       *some;          /* work: one vector in the rows of a Phi with row[] */
-  PetscBool       *keeps;         /* [batches] does the factor keep the primal rows, whose Schur complement it gives? */
-  PetscReal      **inverse;       /* [batches] dense inverse of the operator, coarse displacements zero; NULL: the solver is used */
-  PetscReal       *g;             /* [copies * bs] right-hand side of a linear stage; free work space after it */
-  PetscReal       *U;             /* [copies * bs] displacements, the sum of the increments of all linear stages */
-  PetscReal       *pull;          /* [sides] forces of the search direction, D times the micro part of U */
-  PetscReal       *load;          /* [copies * bs] F, divided equally among the copies of a node */
-  PetscReal       *unassigned_u;  /* [unassigned_count] displacements under the loads of the dofs in no subdomain */
-  PetscReal       *spring;        /* [copies * bs] diagonal search directions, part of K_E */
-  PetscReal       *lambda;        /* work: macro forces of one subdomain */
-  PetscReal       *work;          /* work: two blocks of vectors on an interface, a column for each subdomain of a run of equal ones */
-  PetscReal       *outgoing;      /* [sides] work: values sent to the mates */
-  PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL: no link is rigid */
-  PetscReal       *strain;        /* [links] strains of turning links, at the first part of each, in the last local stage of a static solve; NULL: no link turns */
-  PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, set by LatinReturnTensions_Private(); NULL: no link is rigid */
-  PetscBool        corrected;     /* the next stage solves for the residual of this one, which may so be inexact */
-  PetscBool        failed;        /* an inner solver has failed since this was cleared */
-  PetscInt         solves;        /* linear stages since the set-up */
-  PetscReal        seconds;       /* time of these */
-  PetscInt         applications;  /* evaluations of G since the counter was reset */
-  PetscReal        energy;        /* of substructures: energy of the increment of the last linear stage */
-  PetscReal        solve_error;   /* square of the error of that stage in the energy norm, from factors in single precision and an inexact coarse solve */
-  /* of the last local stage */
-  PetscReal indicator; /* relative distance of the two stages */
-  PetscReal distance;  /* absolute: square root of an energy */
+  LatinPhi        *Phi;          /* [subdomains] */
+  PetscReal       *some;         /* work: a vector in the rows of a Phi with row[] */
+  PetscBool       *keeps;        /* [batches] whether the factor keeps the primal rows, whose Schur complement it gives */
+  PetscReal      **inverse;      /* [batches] dense inverse of the operator under zero coarse displacements; NULL: the solver is used */
+  PetscReal       *g;            /* [copies * bs] right-hand side of a linear stage; free work space after it */
+  PetscReal       *U;            /* [copies * bs] displacements, the sum of the increments of all linear stages */
+  PetscReal       *pull;         /* [sides] forces of the search direction, D times the micro part of U */
+  PetscReal       *load;         /* [copies * bs] loads F, shared equally by the copies of a node */
+  PetscReal       *unassigned_u; /* [unassigned_count] displacements of the dofs in no subdomain under the loads */
+  PetscReal       *spring;       /* [copies * bs] diagonal search directions, part of K_E */
+  PetscReal       *lambda;       /* work: macro forces of one subdomain */
+  PetscReal       *work;         /* work: two blocks of vectors on an interface, with a column for each subdomain of a run of equal ones */
+  PetscReal       *outgoing;     /* [sides] work: values sent to the mates */
+  PetscReal       *tension;      /* [nonsmooth] tensions tau_hat of the last local stage; NULL: no link is rigid */
+  /* [links] strains of links with large rotations, at the first part of each, in the last local stage of a static solve; NULL: there are none */
+  PetscReal *strain;
+  /* [links_local of the structure] tensions of rigid links, set by LatinReturnTensions_Private(); NULL: no link is rigid */
+  PetscReal *rigid_tension;
+  PetscBool  corrected;    /* whether the next stage solves for the residual of this one, which may so be inexact */
+  PetscBool  failed;       /* whether an inner solver has failed since this was cleared */
+  PetscInt   solves;       /* number of linear stages since the set-up */
+  PetscReal  seconds;      /* their time in seconds */
+  PetscInt   applications; /* number of evaluations of G since this was reset */
+  PetscReal  energy;       /* energy of the increment of the last linear stage, for factors that keep the primal rows */
+  /* square of the error of that stage in the energy norm, from factors in single precision and an inexact coarse solve */
+  PetscReal solve_error;
+  /* measured by the last local stage */
+  PetscReal indicator; /* distance of the two stages, relative to the square root of the energy of elongations under tension */
+  PetscReal distance;  /* distance of the two stages, square root of an energy */
   PetscReal noise;     /* level of rounding of the distance */
 } LatinLinear;
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(LatinLinear *);

@@ -2,13 +2,16 @@
 #include <petsctime.h>
 
 /*
-   Linear stage: the constant operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and the solve (42)-(52) for
-   given forces.
+   Linear stage: the constant operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and the solve (42)-(52) for given forces:
+
+   1. Condensation of the forces on the coarse dofs, q = Phi^t g.
+   2. The coarse problem (52).
+   3. Relocalisation (42) and local solves.
 */
 
 /*
-   Splits the matrix K of subdomain s: K keeps K_rr, the identity in primal rows; K_rC is appended to rc; K_CC is added to the
-   homogenised stiffness H.
+   Splits the matrix K of subdomain s: K keeps K_rr, with the identity in primal rows; K_rC is appended to rc; K_CC is added to the homogenised
+   stiffness H.
 */
 static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, LatinSparse *K, PetscSegBuffer rc, PetscInt *couplings)
 {
@@ -92,7 +95,10 @@ static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* keeps[]: the batches whose factor keeps the primal rows and gives their Schur complement: all without a dense inverse, if only interface dofs are read and the local solver is the default */
+/*
+   Sets keeps[]: whether the factor of a batch keeps the primal rows and gives their Schur complement. All do that have no dense inverse, if only
+   interface dofs are read and the local solver is the default
+*/
 static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
 {
   PetscBool keep = PETSC_FALSE;
@@ -104,7 +110,7 @@ static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* The matrices of all batches, their couplings K_rC, and K_CC in H */
+/* Assembles the matrices of all batches, their couplings K_rC, and K_CC in H */
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
   const LatinBatches *batches   = linear->batches;
@@ -137,7 +143,7 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Allocates H, once for equal subdomains; H of substructures comes with the factor */
+/* Allocates H, once for equal subdomains. H of substructures comes with the factor */
 static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -159,7 +165,7 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Work space for blocks of equal subdomains */
+/* Allocates work space for blocks of equal subdomains */
 static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
 {
   const LatinInterfaces *inter = linear->inter;
@@ -175,7 +181,7 @@ static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Operators of the subdomains and their solvers, from batches and macro bases. solvers->status reports failures */
+/* Sets up the operators of the subdomains and their solvers, from batches and macro bases. solvers->status reports failures */
 PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -210,7 +216,8 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   linear->solvers->keeps       = linear->substructures ? NULL : linear->keeps;
   linear->solvers->callback    = LatinSubstructuresCallback(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
-  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda)); /* allocated after the peak memory of the factorisations */
+  /* allocated after the peak memory of the factorisations */
+  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -232,7 +239,7 @@ PetscErrorCode LatinLinearSetLoads(LatinLinear *linear, Vec load)
   PetscFunctionReturn(0);
 }
 
-/* Condensed forces of the subdomains of a batch, q = Phi^t g */
+/* Computes the condensed forces of the subdomains of a batch, q = Phi^t g */
 static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const LatinBatch *batch)
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -258,7 +265,7 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
   PetscFunctionReturn(0);
 }
 
-/* Relocalisation and local solves of a batch with a dense inverse: U += inverse g + Phi u */
+/* Adds the displacements of a batch with a dense inverse to U: inverse g + Phi u, relocalisation and local solves */
 static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinBatch *batch, const PetscReal inverse[], PetscReal U[])
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -282,7 +289,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
   PetscFunctionReturn(0);
 }
 
-/* The same with the solver of the batch, in place of g */
+/* The same with the solver of the batch. Overwrites g */
 static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -302,7 +309,10 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
   PetscFunctionReturn(0);
 }
 
-/* Prolongation: adds to U the displacements of the coarse displacements coarse->u and of the forces g, after the condensation has set g and coarse->q. Overwrites g */
+/*
+   Adds to U the displacements of the coarse displacements coarse->u and of the forces g (prolongation), after the condensation has set g and coarse->q.
+   Overwrites g
+*/
 PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
 {
   PetscFunctionBegin;
@@ -316,9 +326,8 @@ PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
 }
 
 /*
-   The linear stage: adds to U the displacements of all copies under the forces g, zero at prescribed dofs. Overwrites g; sets coarse.u.
-   Steps: condensation of forces, coarse problem (52), relocalisation (42) with the macro forces lambda on strong interfaces.
-   Collective on sub->object
+   Performs the linear stage: adds to U the displacements of all copies under the forces g, zero at prescribed dofs. Overwrites g and sets coarse->u. On
+   strong interfaces relocalisation uses the macro forces lambda. Collective on sub->object
 */
 PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
 {

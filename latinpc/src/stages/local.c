@@ -3,22 +3,23 @@
 /*
    Local stage of section 3.3, explicit and pointwise, written for the data that the linear stage needs:
 
-   interfaces  the conditions (23) along the ascent direction give each side the datum F_hat + d U_hat equal to
-               d U - F of its mate; with (27), F = z - d U on the micro space, the new datum is 2 d U - z of the mate;
-   links       with the law and the ascent direction l = k, y = tau + l e = s + 2 l e determines the new datum
-               s = tau_hat - l e_hat, see structure/laws.c.
+     interfaces  the conditions (23) along the ascent direction give each side the datum F_hat + d U_hat equal to d U - F of its mate; with (27),
+                 F = z - d U on the micro space, the new datum is 2 d U - z of the mate;
+     links       with the law and the ascent direction l = k, y = tau + l e = s + 2 l e determines the new datum s = tau_hat - l e_hat, see
+                 structure/laws.c.
 
-   The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
-   s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy norm of the search directions, relative to the
-   energy of elongations under tension, so that rigid motions and slack links do not make it small.
+   The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link s_new - s = -2 l (e_hat - e). The
+   indicator is that distance in the energy norm of the search directions, relative to the energy of elongations under tension, so that rigid motions
+   and slack links do not make it small.
 */
 
-#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7) /* level of rounding, relative to the square root of the energy of the structure, prestress included */
+/* level of rounding of the distance, 45 eps, relative to the square root of the energy of the structure, prestress included */
+#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7)
 
 /*
-   pull: the forces D (1 - R R^t D) U of the search direction, on the micro part of U alone, of interface f in a run of n equal
-   subdomains, `apart` entries from one to the next. The macro part is computed from U of this side: the coarse displacement differs
-   from it by rounding, which would accumulate in z.
+   Computes pull, the forces D (1 - R R^t D) U of the search direction, on the micro part of U alone, of interface f in a run of n equal subdomains,
+   `apart` entries from one to the next. The macro part is computed from U of this side: the coarse displacement differs from it by rounding, which
+   would accumulate in z.
 */
 static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscInt n, PetscInt apart)
 {
@@ -47,8 +48,8 @@ static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscIn
 }
 
 /*
-   Sweep over the interfaces of all subdomains here, runs of equal subdomains together. sum NULL: computes linear->pull; else
-   adds the squared distance of z and next to sum.
+   Sweeps over the interfaces of all subdomains here, runs of equal subdomains together. sum NULL: computes linear->pull; else adds the squared distance
+   of z and next to *sum.
 */
 static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscReal z[], const PetscReal next[], PetscReal *sum)
 {
@@ -74,9 +75,9 @@ static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscRe
 }
 
 /*
-   The residual g = F - B^t (s + l e) - G U + C^t (z - D U) of the last displacements U in the state z, with tensions and
-   interface forces from (26) and (27), and springs to the ground G, if any. The linear stage solves for the increment of the
-   displacements, so that errors of rounding and of inexact solvers decrease with it (iterative refinement).
+   Computes the residual g = F - B^t (s + l e) - G U + C^t (z - D U) of the last displacements U in the state z, with tensions and interface forces from
+   (26) and (27), and springs to the ground G, if any. The linear stage solves for the increment of the displacements, so that errors of rounding and of
+   inexact solvers decrease with it (iterative refinement).
 */
 PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[])
 {
@@ -90,7 +91,7 @@ PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[
   PetscFunctionReturn(0);
 }
 
-/* linear->pull: D times the micro part of U on all interfaces here */
+/* Computes linear->pull, D times the micro part of U, on all interfaces here */
 PetscErrorCode LatinPullFaces_Private(LatinLinear *linear)
 {
   PetscFunctionBegin;
@@ -98,7 +99,7 @@ PetscErrorCode LatinPullFaces_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Gz: the data after the local stage; sets the indicator, the distance and its noise. Collective on sub->object */
+/* Computes Gz, the data after the local stage, and the indicator, the distance and its noise. Collective on sub->object */
 PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[], PetscReal Gz[])
 {
   const LatinInterfaces *inter  = linear->inter;

@@ -6,9 +6,8 @@
 */
 
 /*
-   A contact with friction, Coulomb's law in its own frame: dim consecutive links of the same end nodes, first along the
-   normal, then tangential ones orthonormal to it, with the same ascent direction l. With r = y + l e0, that is
-   tau_hat + l x_hat, the conditions decouple:
+   Solves a contact with friction, Coulomb's law in its own frame: dim consecutive links of the same end nodes, first along the normal, then tangential
+   ones orthonormal to it, with the same ascent direction l. With r = y + l e0, that is tau_hat + l x_hat, the conditions decouple:
 
      normal     tau_n = min(r_n, 0), compression, x_n >= 0
      stick      |r_t| <= mu |tau_n|: tau_t = r_t, x_t = 0
@@ -28,9 +27,9 @@ static void LatinContactLocal(PetscInt dim, PetscReal l, PetscReal mu, const Pet
 }
 
 /*
-   The local stage of all links here. Adds to sum: the squared distance; the energy of elongations under tension; the same with
-   initial elongations. A rigid link stores no energy: tau_hat^2 / l takes the place of k e^2 of a bar. So the indicator
-   compares differences of tensions with tensions, for any l.
+   Performs the local stage of all links here. Adds to sum: the squared distance; the energy of elongations under tension; the same with initial
+   elongations. A rigid link stores no energy: tau_hat^2 / l takes the place of k e^2 of a bar. So the indicator compares differences of tensions with
+   tensions, for any l.
 */
 void LatinLinkStageGeneral(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {

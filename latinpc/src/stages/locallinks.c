@@ -2,12 +2,11 @@
 #include "base/vector.h"
 
 /*
-   The two sweeps of an iteration over the links, forces and local stage. Equal subdomains (localsolvers/batches.c) read the ends,
-   directions and stiffnesses of the first of them, which stay in cache. dim is a compile-time constant in the callers, so
-   that loops unroll.
+   The two sweeps of an iteration over the links, forces and local stage. Equal subdomains (localsolvers/batches.c) read the ends, directions and
+   stiffnesses of the first of them, which stay in cache. dim is a compile-time constant in the callers, so that loops unroll.
 */
 
-/* The links of a subdomain: data that equal subdomains share, and its own */
+/* Links of a subdomain: data that equal subdomains share, and its own */
 typedef struct {
   PetscInt         links, first;               /* number of links; the first copy of the subdomain that `ends` refer to */
   const PetscInt  *ends, *law, *state;         /* [links][2] copies; [links] */
@@ -33,7 +32,7 @@ LATIN_INLINE LatinLinks LatinLinksOpen(const LatinLinear *linear, const PetscInt
   };
 }
 
-/* The elongation of one link, a row of B */
+/* Returns the elongation of link l, a row of B */
 LATIN_INLINE PetscReal LatinLinksElongation(const LatinLinks *links, const PetscInt dim, PetscInt l)
 {
   const PetscReal *n = links->direction + dim * l, *a = links->U + dim * (links->ends[2 * l] - links->first), *b = links->U + dim * (links->ends[2 * l + 1] - links->first);
@@ -43,7 +42,7 @@ LATIN_INLINE PetscReal LatinLinksElongation(const LatinLinks *links, const Petsc
   return e;
 }
 
-/* g = F - B^t (s + l e), with the tensions (26) of the links; s = k e0 of links without state */
+/* Computes g = F - B^t (s + l e) of subdomain s, with the tensions (26) of the links; s = k e0 of links without state */
 LATIN_INLINE void LatinLinksForces(const LatinLinear *linear, const PetscInt dim, PetscInt s, const PetscReal z[])
 {
   const LatinLinks links = LatinLinksOpen(linear, dim, s);
@@ -64,8 +63,8 @@ LATIN_INLINE void LatinLinksForces(const LatinLinear *linear, const PetscInt dim
 }
 
 /*
-   The local stage. Adds to sum: the squared distance; the energy of elongations under tension; the same with initial
-   elongations. Only bars, cables and compression-only links; for other laws see stages/localcontacts.c.
+   Performs the local stage of subdomain s. Adds to sum: the squared distance; the energy of elongations under tension; the same with initial elongations.
+   Only bars, cables and compression-only links; for other laws see stages/localcontacts.c.
 */
 LATIN_INLINE void LatinLinksStage(const LatinLinear *linear, const PetscInt dim, PetscInt s, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
@@ -96,7 +95,7 @@ LATIN_INLINE void LatinLinksStage(const LatinLinear *linear, const PetscInt dim,
   sum[2] += noise;
 }
 
-/* The local stage, or the forces if sum is NULL. No test of z or next: both may be NULL, on a rank without interfaces and states */
+/* Performs the local stage, or computes the forces if sum is NULL. No test of z or next: both may be NULL, on a rank without interfaces and states */
 LATIN_INLINE void LatinSweep(const LatinLinear *linear, const PetscInt dim, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
   for (PetscInt s = 0; s < linear->sub->n; s++) {
@@ -105,7 +104,7 @@ LATIN_INLINE void LatinSweep(const LatinLinear *linear, const PetscInt dim, cons
   }
 }
 
-/* linear.g = F - B^t (s + l e) in all subdomains here, with the states z of the links and the displacements linear.U */
+/* Computes linear->g = F - B^t (s + l e) in all subdomains here, with the states z of the links and the displacements linear->U */
 LATIN_CLONES void LatinSweepForces(const LatinLinear *linear, const PetscReal z[])
 {
   if (linear->sub->structure->dim == 3) LatinSweep(linear, 3, z, NULL, NULL);
@@ -113,7 +112,7 @@ LATIN_CLONES void LatinSweepForces(const LatinLinear *linear, const PetscReal z[
   else LatinSweep(linear, 1, z, NULL, NULL);
 }
 
-/* The local stage of all links here; adds to sum, see LatinLinksStage() */
+/* Performs the local stage of all links here. Adds to sum, see LatinLinksStage() */
 LATIN_CLONES void LatinSweepStage(const LatinLinear *linear, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
   if (linear->sub->structure->dim == 3) LatinSweep(linear, 3, z, next, sum);

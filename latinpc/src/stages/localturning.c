@@ -3,9 +3,9 @@
 #include "structure/turning.h"
 
 /*
-   Local stage of links with large rotations (structure/turning.h, structure/frame.c): dim consecutive links are the parts of one link, the one
-   along it first. A part of scale a has the strain a r_c, the tension f_c / a, r_c and f_c components of the vector r between the
-   ends and of the force, and the search parameter E a^2 on components.
+   Local stage of links with large rotations (structure/turning.h, structure/frame.c): dim consecutive links are the parts of one link, the one along it
+   first. A part of scale a has the strain a r_c, the tension f_c / a, r_c and f_c components of the vector r between the ends and of the force, and the
+   search parameter E a^2 on components.
 */
 
 /* Solves the law for r and f, given w = f + E a^2 r */
@@ -43,7 +43,7 @@ static void LatinTurningMean(const LatinSubdomains *sub, PetscInt dim, PetscInt 
   for (PetscInt c = 0; c < dim; c++) f[c] = g * r[c];
 }
 
-/* f: the force of r, or, in a time step, the mean force of a mean r */
+/* Computes f, the force of r or, in a time step, the mean force of a mean r */
 static void LatinTurningForce(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, const PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, k = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL];
@@ -71,7 +71,7 @@ static void LatinTurningForce(const LatinSubdomains *sub, PetscBool midpoint, Pe
   for (PetscInt c = 0; c < dim; c++) f[c] = rho * r[c];
 }
 
-/* The local stage of a link that keeps its direction */
+/* Solves the law of a link that keeps its direction for r and f, given w */
 static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, stiffness = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL], k = E * PetscSqr(part[LATIN_PART_SCALE]);
@@ -83,7 +83,7 @@ static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, Pet
   LatinTurningForce(sub, midpoint, dim, l, r, f);
 }
 
-/* The length of r; of a link that keeps its direction the component along it */
+/* Returns the length of r; of a link that keeps its direction the component along it */
 static PetscReal LatinTurningLength(const LatinSubdomains *sub, PetscInt dim, PetscInt l, const PetscReal r[])
 {
   PetscReal R = 0.0;
@@ -93,7 +93,10 @@ static PetscReal LatinTurningLength(const LatinSubdomains *sub, PetscInt dim, Pe
   return PetscSqrtReal(R);
 }
 
-/* The local stage of all links here. Adds to sum: the squared distance; the energy of relative displacements of the ends in the search direction; the same plus that of the tensions */
+/*
+   Performs the local stage of all links here. Adds to sum: the squared distance; the energy of relative displacements of the ends in the search direction;
+   the same plus that of the tensions. Sets linear->strain in a static solve
+*/
 void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {
   const LatinSubdomains *sub      = linear->sub;
@@ -125,7 +128,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
   }
 }
 
-/* The states s = f(r) - E (r - r0) under the displacements linear.U */
+/* Computes the states s = f(r) - E (r - r0) under the displacements linear->U */
 void LatinTurningState(const LatinLinear *linear, PetscReal state[])
 {
   const LatinSubdomains *sub = linear->sub;

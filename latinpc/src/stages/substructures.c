@@ -2,13 +2,18 @@
 #include "stages/latinstages.h"
 
 /*
-   Substructuring: all interfaces are primal and the local solver is the default. The interior of each subdomain is eliminated
-   once; H is its Schur complement on the interfaces. A linear stage is one solve: forward substitution condenses the forces
-   on the interfaces, the coarse problem gives the displacements there, backward substitution those of the interior.
-   No dense matrix is kept: H is added to the coarse matrix. The same substitutions serve subdomains with macro fields whose factors keep
-   the primal rows.
+   Substructuring: all interfaces are primal and the local solver is the default. The interior of each subdomain is eliminated once; H is its Schur
+   complement on the interfaces. A linear stage is one solve:
+
+   1. Forward substitution condenses the forces on the interfaces.
+   2. The coarse problem gives the displacements there.
+   3. Backward substitution gives those of the interior.
+
+   No dense matrix is kept: H is added to the coarse matrix. The same substitutions serve subdomains with macro fields whose factors keep the primal
+   rows.
 */
 
+/* Gets the factor F of a batch. Borrowed */
 PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batch, Mat *F)
 {
   PC pc;
@@ -20,8 +25,8 @@ PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batc
 }
 
 /*
-   Condensed forces of the subdomains of a batch whose factor keeps the primal rows, q = (y, g_C - V_C^t g_r) + H (y, 0) with y = V_m^t g: forward substitution, in place
-   of g, gives g_C - V_C^t g_r in the primal rows
+   Computes the condensed forces of the subdomains of a batch whose factor keeps the primal rows, q = (y, g_C - V_C^t g_r) + H (y, 0) with y = V_m^t g:
+   forward substitution, in place of g, gives g_C - V_C^t g_r in the primal rows. Adds to linear->energy
 */
 PetscErrorCode LatinSubstructuresForward(LatinLinear *linear, PetscInt which)
 {
@@ -57,7 +62,10 @@ PetscErrorCode LatinSubstructuresForward(LatinLinear *linear, PetscInt which)
   PetscFunctionReturn(0);
 }
 
-/* Adds to g of one subdomain the forces of its coarse displacements: D R lambda, with macro forces lambda (not if `kept`: V_m lambda is added later), and -K_rC u_C. Sets u_C in primal rows */
+/*
+   Adds to g of subdomain s the forces of its coarse displacements: D R lambda, with macro forces lambda (not if `kept`: V_m lambda is added later), and
+   -K_rC u_C. Sets u_C in primal rows
+*/
 PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, PetscBool kept)
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -95,7 +103,7 @@ PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, Pe
   PetscFunctionReturn(0);
 }
 
-/* Relocalisation and local solves of such a batch: backward substitution, plus V_m lambda on the interfaces */
+/* Performs relocalisation and local solves of such a batch: backward substitution, plus V_m lambda on the interfaces. Adds to U and linear->energy */
 PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscInt which, PetscReal U[])
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -126,10 +134,10 @@ PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscInt which, P
 }
 
 /*
-   Measures the contraction of a linear stage with factors in single precision: the factor by which one solve reduces the error in the
-   energy norm, the larger one of two solves in a row, for forces that excite all displacements. Rounding affects soft displacements
-   most, and a mechanism entirely: a small factor proves that there is none. The error of an iterative coarse solve is small
-   beside it. Collective on sub->object
+   Measures the contraction of a linear stage with factors in single precision: the factor by which one solve reduces the error in the energy norm, the
+   larger one of two solves in a row, for forces that excite all displacements. Rounding affects soft displacements most, and a mechanism entirely: a
+   small factor proves that there is none. The error of an iterative coarse solve is small beside it. Overwrites linear->g and the coarse vectors.
+   Collective on sub->object
 */
 PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *contraction)
 {
@@ -160,7 +168,10 @@ PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *con
   PetscFunctionReturn(0);
 }
 
-/* Releases the entries of the operators, which only factorisations read and LatinSubstructuresFill() computes again. Column indices are kept if another set-up may compare them with its own */
+/*
+   Releases the entries of the operators, which only factorisations read and LatinSubstructuresFill() computes again. Column indices are kept if another
+   set-up may compare them with its own
+*/
 static void LatinSubstructuresRelease(LatinLinear *linear)
 {
   if (linear->sub->dense) return; /* the matrix belongs to the caller, who may change it */
@@ -173,7 +184,7 @@ static void LatinSubstructuresRelease(LatinLinear *linear)
   linear->released = PETSC_TRUE;
 }
 
-/* Computes the entries again, before others read them */
+/* Computes released entries again, before others read them */
 PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
 {
   PetscFunctionBegin;
@@ -190,7 +201,7 @@ PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Callback of the factorisation: releases the entries of its operator, or computes them again, see LatinEntriesCallback */
+/* Callback of the factorisation: releases the entries of its operator, or (again) computes them, see LatinEntriesCallback */
 static PetscErrorCode LatinSubstructuresEntries_Private(void *owner, PetscBool again)
 {
   LatinLinear *linear = (LatinLinear *)owner;
@@ -201,7 +212,10 @@ static PetscErrorCode LatinSubstructuresEntries_Private(void *owner, PetscBool a
   PetscFunctionReturn(0);
 }
 
-/* The entries that may be released during the factorisation: those of a single sparse operator. Of several, the others are still needed; a dense one belongs to the caller */
+/*
+   Returns the callback that releases the entries during the factorisation: those of a single sparse operator. Of several, the others are still needed;
+   a dense one belongs to the caller
+*/
 LatinEntriesCallback LatinSubstructuresCallback(LatinLinear *linear)
 {
   const PetscBool releases = (PetscBool)(linear->substructures && linear->batches->n == 1 && !linear->sub->dense);
@@ -209,7 +223,10 @@ LatinEntriesCallback LatinSubstructuresCallback(LatinLinear *linear)
   return (LatinEntriesCallback){.call = releases ? LatinSubstructuresEntries_Private : NULL, .owner = linear};
 }
 
-/* H of all batches. A single batch gives the Schur complement of its factor without a copy, as it may be as large as the factor; a single subdomain its lower triangle */
+/*
+   Gets H of all batches from their factors. A single batch gives the Schur complement of its factor without a copy, as it may be as large as the
+   factor; a single subdomain its lower triangle
+*/
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
   size_t room = 0;
@@ -243,7 +260,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* H of subdomain s, which was freed after the coarse assembly: factors the operator once more */
+/* Computes H of subdomain s again, which was freed after the coarse assembly: factors the operator once more */
 PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s, PetscReal H[])
 {
   const PetscInt  m     = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
