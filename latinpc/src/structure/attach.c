@@ -2,9 +2,9 @@
 #include <petsc/private/snesimpl.h>
 #include <petscts.h>
 
-/* Structures and PETSc's solvers: callbacks of a SNES, and look-up of the structure of a SNES or a DM. */
+/* Structures and PETSc's solvers: look-up of the structure of a DM or a SNES, and the callbacks of a SNES. */
 
-/* The structure composed on a DM, which may be NULL: the structure's own DM has a pointer to it, that of a solver a reference */
+/* Gets the structure composed on a DM, NULL: none; dm may be NULL. The structure's own DM has a pointer to it, that of a solver a reference */
 PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
 {
   PetscObject found = NULL;
@@ -16,7 +16,7 @@ PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
   PetscFunctionReturn(0);
 }
 
-/* The structure composed on the DM of a SNES, which may have been set after another one was attached, or the attached one; NULL if there is none */
+/* Gets the structure of the DM of a SNES, which SNESSetDM() may have replaced, else the attached one; NULL: none */
 PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structure)
 {
   PetscFunctionBegin;
@@ -25,7 +25,7 @@ PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structu
   PetscFunctionReturn(0);
 }
 
-/* Gets the tensions of rigid links from the solver of the structure; an error for a solver without; NULL if there are no rigid links, or a penalty replaces them */
+/* Gets the tensions of rigid links, borrowed from the solver; NULL without rigid links or if they are springs. An error if the solver has none */
 PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, const PetscReal *rigid[])
 {
   PetscErrorCode (*get)(SNES, const PetscReal *[]) = NULL;
@@ -39,7 +39,7 @@ PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, con
   PetscFunctionReturn(0);
 }
 
-/* Tensions of all links: of elastic ones by their law at u, of rigid ones from the solver. Collective on structure */
+/* Computes the tensions of all links, [links_local]: of elastic ones by their law at u, of rigid ones from the solver. Collective on structure */
 PetscErrorCode LatinSolverTensions_Private(SNES snes, LatinStructure structure, Vec u, PetscReal tension[])
 {
   const PetscReal *rigid;
@@ -63,7 +63,7 @@ static PetscErrorCode LatinStructureFunction_SNES(SNES snes, Vec u, Vec r, void 
   PetscFunctionReturn(0);
 }
 
-/* The unbalance of the structure at the solution u of snes, of which a function that is not ours says nothing. Collective on snes */
+/* Computes the unbalance r of the structure at u, less the right-hand side of snes, also if the user has set another function. Collective on snes */
 PetscErrorCode LatinSolverUnbalance_Private(SNES snes, LatinStructure structure, Vec u, Vec r)
 {
   PetscErrorCode (*function)(SNES, Vec, Vec, void *);
@@ -78,7 +78,7 @@ PetscErrorCode LatinSolverUnbalance_Private(SNES snes, LatinStructure structure,
   PetscFunctionReturn(0);
 }
 
-/* snes is not used: TS and others call it without one */
+/* Jacobian of a SNES: assembles P. snes may be NULL, as from a TS */
 PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
 {
   (void)snes;
@@ -100,7 +100,7 @@ static PetscErrorCode LatinNothing_SNES(SNES snes, Vec u, PetscReal *energy, voi
   return 0;
 }
 
-/* Does PETSc itself subtract the work of b from an objective, where F(u) = b is solved? 3.18 does not, 3.26 does. Not collective */
+/* Whether PETSc itself subtracts the work of the right-hand side b of F(u) = b from an objective: 3.18 does not, 3.26 does. Not collective */
 static PetscErrorCode LatinObjectiveHasWork_Private(PetscBool *has)
 {
   static PetscInt known = -1; /* the same for all SNES */
@@ -125,7 +125,7 @@ static PetscErrorCode LatinObjectiveHasWork_Private(PetscBool *has)
   PetscFunctionReturn(0);
 }
 
-/* The energy less the work of b, where F(u) = b is solved: its gradient is the function of line searches */
+/* Objective: energy minus the work of the right-hand side b of F(u) = b. Its gradient is the function of line searches */
 static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
 {
   PetscScalar work = 0.0;
@@ -140,7 +140,7 @@ static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Removes the objective of a SNES: SNESSetObjective() keeps the last one if it is given none */
+/* Removes the objective of a SNES: SNESSetObjective() ignores NULL. Collective on snes */
 PetscErrorCode LatinNoObjective_Private(SNES snes)
 {
   DMSNES callbacks;
@@ -153,7 +153,7 @@ PetscErrorCode LatinNoObjective_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Sets residual, Jacobian and energy of the structure. Collective on snes */
+/* Sets residual, Jacobian and energy of the structure in snes. Collective on snes */
 static PetscErrorCode LatinStructureEquations_Private(LatinStructure structure, SNES snes)
 {
   PetscFunctionBegin;
@@ -164,7 +164,7 @@ static PetscErrorCode LatinStructureEquations_Private(LatinStructure structure, 
   PetscFunctionReturn(0);
 }
 
-/* The same for the structure of the DM: after SNESSetDM() the SNES has no callbacks, or those of the last DM. Collective on snes */
+/* Sets them unless snes has them, or a function of the user: after SNESSetDM() it has none, or those of the last DM. Collective on snes */
 PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
 {
   PetscErrorCode (*function)(SNES, Vec, Vec, void *);
@@ -204,7 +204,8 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)snes));
   PetscCall(SNESLatinFindStructure_Private(snes, &before));
   PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&attached));
-  if ((before && before != structure) || (attached && attached != structure)) PetscCall(SNESReset(snes)); /* it is set up for another structure, which SNESSetDM() may have hidden */
+  /* set up for another structure, which SNESSetDM() may have hidden */
+  if ((before && before != structure) || (attached && attached != structure)) PetscCall(SNESReset(snes));
   PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));
   if (behind != structure) {
     PetscCall(LatinStructureCloneDM_Private(structure, &dm));

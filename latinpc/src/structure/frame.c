@@ -3,35 +3,36 @@
 #include "structure/turning.h"
 
 /*
-   The frame: a structure with fixed directions that represents rotating links. Each link of the base becomes dim parts between the
-   same nodes, with orthogonal directions, first along the link, then across it. So operators, subdomains and interfaces are those of any
-   structure; only the local stage differs (stages/localturning.c).
+   The frame: a structure with fixed directions that represents rotating links. Each link of the base becomes dim parts between the same nodes, with
+   orthogonal directions, first along the link, then across it. So operators, subdomains and interfaces are those of any structure; only the local stage
+   differs (stages/localturning.c).
 
-   prestress  the part along the link has its law; those across it are bars of the stiffness t0 / l. The frame is the exact problem.
-   large      the parts are the components of a search direction E = k n n^t + c (1 - n n^t) of the link, whose law couples all
-              of them.
+   prestress  The part along the link has its law; those across it are bars of the stiffness t0 / l. The frame is the exact problem.
+   large      The parts are the components of a search direction E = k n n^t + c (1 - n n^t) of the link, whose law couples them.
 
-   The search direction belongs to a configuration u, at first as drawn. A taut link has its tangent: k of its law and c = tau / R;
-   before the loads act, c is larger, since tensions grow with the displacements. A slack cable has no stiffness, and while it slackens or
-   tightens any between zero and k: it gets LATIN_FRAME_SLACK times the mean c of the taut links, whose displacements it must follow. In a
-   time step the tangent is that of the mean force (structure/midpoint.h), of a cable that slackens in the step as well.
-   The figures below are from saddles with tensions of 1e-4 to 1e-2 of the stiffness.
+   The search direction is computed at a configuration u, at first as drawn. A taut link gets its tangent: k of its law and c = tau / R; as drawn, a
+   larger c, since tensions grow with the displacements. A slack cable has no stiffness, and one that slackens or tightens any mean stiffness from zero
+   to k. Such cables must follow the displacements of the taut links: they get LATIN_FRAME_SLACK times the mean c of these. In a time step the tangent is
+   that of the mean force (structure/midpoint.h), which covers cables that slacken in the step.
 
    An inextensible cable is a cable in the frame, with a penalty stiffness p and a strain larger by lambda / p: its tension is max(0, lambda + p x)
    (snes/largerigid.c). A contact is its mirror image. A link with a fixed direction has no force across it: c is only a floor.
+
+   Constants: stages are linear stages of a solve; saddles are nets with tensions of 1e-4 to 1e-2 of the stiffness. "Mean" is the mean tau / R of the
+   taut links at u.
 */
 
-#define LATIN_FRAME_FIRST   4.0   /* c as drawn, relative to tau / R: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
-#define LATIN_FRAME_LEAST   0.3   /* least c, relative to the mean of taut links; no difference from 0.1 to 0.3, with 0.03 seven saddles take a tenth more stages */
-#define LATIN_FRAME_SLACK   2.0   /* k of a slack or nearly slack cable, relative to that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
-#define LATIN_FRAME_NEAR    0.1   /* largest tension over length of a nearly slack cable, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
-#define LATIN_FRAME_FLOOR   1e-6  /* least k and c in the tangent stiffness, relative to that mean: no difference with 1e-2 and 1e-4 */
-#define LATIN_FRAME_STRUT   2.0   /* least c of a link in compression, relative to -tau / R: with 1 its length is not unique in the local stage */
-#define LATIN_FRAME_NONE    1e-3  /* replaces that mean if no link is taut, relative to the mean stiffness */
-#define LATIN_FRAME_PENALTY 100.0 /* initial penalty, relative to the stiffness around an inextensible cable */
-#define LATIN_FRAME_LOWEST  1e-5  /* least value of that mean, relative to the mean stiffness: operators must not be singular if tensions vanish */
+#define LATIN_FRAME_FIRST   4.0   /* factor on tau / R for c as drawn; nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 or 16 up to 26 */
+#define LATIN_FRAME_LEAST   0.3   /* least c, relative to the mean; 0.1 to 0.3 make no difference, with 0.03 seven saddles take a tenth more stages */
+#define LATIN_FRAME_SLACK   2.0   /* k of slack and nearly slack cables, relative to the mean; with 7 the saddles take a quarter more stages, with 1 a tenth */
+#define LATIN_FRAME_NEAR    0.1   /* largest tau / R of a nearly slack cable, relative to the mean; with 0.02 three times as many stages, with 0.3 a few more */
+#define LATIN_FRAME_FLOOR   1e-6  /* least k and c in the tangent stiffness, relative to the mean; 1e-2 and 1e-4 make no difference */
+#define LATIN_FRAME_STRUT   2.0   /* least c of a link in compression, relative to -tau / R; with 1 its length is not unique in the local stage */
+#define LATIN_FRAME_NONE    1e-3  /* replaces the mean if no link is taut, relative to the mean stiffness */
+#define LATIN_FRAME_PENALTY 100.0 /* initial penalty of a rigid link, relative to its automatic search parameter (structure/rigidlaws.c) */
+#define LATIN_FRAME_LOWEST  1e-5  /* least value of the mean, relative to the mean stiffness: operators must not be singular if tensions vanish */
 
-/* An orthonormal basis whose first vector is n, [dim][dim] */
+/* Computes axes, [dim][dim], an orthonormal basis whose first vector is n */
 static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
 {
   PetscInt least = 0;
@@ -49,7 +50,7 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
   for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
 }
 
-/* Of a link of the base in the frame: stiffness, law, and shift of the strain (lambda / p of an inextensible cable). Rigid links are springs */
+/* Stiffness, law, and shift of the strain of link l of the base, in which rigid links are springs: p, cable or compression only, lambda / p */
 static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 {
   return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
@@ -67,7 +68,7 @@ static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
   return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
 }
 
-/* Parts of links, geometry prestress */
+/* Computes the parts of all links, geometry prestress */
 static void LatinFramePrestress(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -87,18 +88,18 @@ static void LatinFramePrestress(LatinStructure frame)
   }
 }
 
-/* Sums over all links, for the search direction */
+/* Sums over the links of all ranks, for the search direction */
 typedef struct {
   PetscReal taut, across; /* number of taut links, sum of their tau / R */
   PetscReal all, stiff;   /* number of links, sum of their stiffnesses */
 } LatinFrameSums;
 
-/* Data of one link, for its search direction */
+/* One link, for its search direction */
 typedef struct {
-  PetscReal across, k; /* tension over length, or with a fixed direction 1 if taut, else 0; tangent stiffness of its law */
+  PetscReal across, k; /* tension over length (fixed direction: 1 if taut, else 0); tangent stiffness of its law */
 } LatinFrameLink;
 
-/* The tangent stiffness (k, c) of link l. Slack cables have the least one, positive; c < 0 in compression, but not if firm, nor in time steps, where masses hold */
+/* Computes the tangent stiffness (k, c) of link l. Slack cables get a small positive one. In compression c < 0, but not if firm, nor in time steps */
 static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscBool firm, PetscReal mean, PetscReal *k, PetscReal *c)
 {
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
@@ -109,7 +110,7 @@ static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrame
   else *c = PetscMax(least, link->across);
 }
 
-/* The search direction (k, c) of link l */
+/* Computes the search direction (k, c) of link l */
 static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFrameLink *link, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
   const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
@@ -130,7 +131,7 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
   *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
-/* Data of all links, [links_local], and their sums, at the displacements a of the vertices, NULL: as drawn. axes: their bases, NULL: not computed. Collective on frame */
+/* Computes link and axes, [links_local] data and bases of the links of the base, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], PetscReal axes[], LatinFrameSums *sum)
 {
   const LatinStructure base = frame->turns;
@@ -170,7 +171,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
   PetscFunctionReturn(0);
 }
 
-/* Natural lengths and initial elongations of the parts, on which no operator depends */
+/* Computes natural lengths and initial elongations of the parts; no operator depends on them */
 static void LatinFrameLengths(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -189,11 +190,11 @@ static void LatinFrameLengths(LatinStructure frame)
     length                                           = LatinStructureKeeps(base, l) ? along : PetscSqrtReal(length);
     frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - base->e0[l] - LatinFrameShift(frame, l);
     frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(base, l) ? 1.0 : 0.0;
-    frame->e0[i]                                     = whole; /* component of r0: the strain of a part is the component of r */
+    frame->e0[i]                                     = whole; /* component of r0, so that the strain of a part is that of r */
   }
 }
 
-/* Data of a link for its tangent in a time step, that of the mean force: a cable that slackens or tightens in the step has a stiffness between zero and k */
+/* Sets *link to the tangent of the mean force of a time step: cables that slacken or tighten in it have a stiffness between zero and k */
 static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[], LatinFrameLink *link)
 {
   LatinTurned turned;
@@ -204,7 +205,7 @@ static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[
   for (PetscInt c = 0; c < step->dim; c++) link->k += turned.n[c] * turned.change[c];
 }
 
-/* Parts of links, geometry large, at the displacements a of the vertices, NULL: as drawn. Collective on frame */
+/* Computes the parts of all links, geometry large, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -236,7 +237,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   PetscFunctionReturn(0);
 }
 
-/* Counts links whose k in the frame differs from the tangent stiffness of their law at `strain` by more than half of the stiffness of the link. Collective on frame */
+/* Counts links whose k in the frame differs from the tangent stiffness of their law at `strain` by more than half their stiffness. Collective on frame */
 PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed)
 {
   const PetscInt dim = frame->dim;
@@ -253,7 +254,7 @@ PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal s
   PetscFunctionReturn(0);
 }
 
-/* Updates directions and stiffnesses of the parts at the displacements u of the base, NULL: as drawn. Links and laws stay. Collective on frame */
+/* Recomputes directions and stiffnesses of the parts at displacements u of the base; NULL: as drawn. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -261,7 +262,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   Vec                  local;
 
   PetscFunctionBegin;
-  frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts have fixed directions */
+  frame->geometry = LATIN_GEOMETRY_LINEAR; /* of the frame: its parts have fixed directions */
   if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
   else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
@@ -274,7 +275,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
-/* Updates the natural lengths after a change of the multipliers of rigid links; `none`: sets these to zero first. Operators do not change. Logically collective on frame */
+/* Recomputes natural lengths after a change of multipliers; none: sets these to zero first. Operators do not change. Logically collective on frame */
 PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 {
   PetscFunctionBegin;
@@ -284,7 +285,7 @@ PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
   PetscFunctionReturn(0);
 }
 
-/* Makes rigid links springs: penalty relative to the stiffness around them, multipliers zero. Collective on frame */
+/* Creates the springs of rigid links: initial penalties, multipliers zero. Collective on frame */
 PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -293,13 +294,13 @@ PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
   PetscFunctionBegin;
   PetscCall(PetscFree(frame->spring));
   if (base->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* never NULL then */
+  PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* + 1: not NULL on a rank without links */
   PetscCall(LatinStructureStiffness_Private(base, 0.0, frame->spring));
   for (PetscInt l = 0; l < n; l++) frame->spring[l] *= LATIN_FRAME_PENALTY;
   PetscFunctionReturn(0);
 }
 
-/* Follows changes of the base: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
+/* Updates the frame after changes of the base: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
@@ -312,13 +313,13 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
   frame->turns_e0 = base->e0_state;
   frame->e0_state++;
-  if (state == frame->turns_state && base->base) { /* the next time step: new spans, same operators */
+  if (state == frame->turns_state && base->base) { /* another time step: new spans, same operators */
     LatinFrameLengths(frame);
     PetscFunctionReturn(0);
   }
   PetscCall(LatinFramePenalty_Private(frame));
   PetscCall(PetscFree(frame->part));
-  if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
+  if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* + 1: not NULL without links */
   PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
   PetscCall(PetscObjectStateGet((PetscObject)frame, &frame->parts_state));
   frame->turns_state = state;
@@ -354,7 +355,7 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
     frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];
     frame->ends[i]  = base->ends[2 * (i / 2 / dim) + i % 2];
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* solvers find the frame through its DM */
+  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* solvers find the frame by its DM */
   PetscCall(LatinStructureComposeDM_Private(frame));
   PetscCall(LatinFrameFollow_Private(frame));
   *newframe = frame;

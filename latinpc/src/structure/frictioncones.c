@@ -1,13 +1,13 @@
 #include "structure/structureimpl.h"
 
 /*
-   Upper bound of the limit load with friction: each contact becomes compression-only links along the edges of a polyhedral cone
-   around the Coulomb cone, an edge in the place of each part. In the plane it is the Coulomb cone itself; in space it has three
-   faces, which touch the Coulomb cone. If these links cannot bear the loads, no friction does: the mechanism proves a collapse
-   (error/collapse.c). Friction here is associated, slip opens the contact: tensions that bear the loads do not prove an equilibrium.
+   Upper bound of the limit load with friction. Each contact becomes rigid contacts without friction along the edges of a polyhedral cone around the
+   Coulomb cone, one in place of each of its parts. In 2D this is the Coulomb cone itself; in 3D it has three faces, which touch the Coulomb cone. If
+   these links cannot bear the loads, friction cannot: their mechanism proves a collapse (error/collapse.c). If they can, this proves no equilibrium:
+   the friction of the cones is associated, that is slip opens the contact.
 */
 
-/* Unit vectors of the edges, in the place of the parts of a contact: n + mu t, with tangential t around the normal n */
+/* Computes the unit vectors of the edges, [dim][dim], from those of the parts of a contact: along n + mu t, t in the plane of the contact */
 static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal part[], PetscReal edge[])
 {
   static const PetscReal around[2][3][2] = {
@@ -25,7 +25,7 @@ static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal pa
   }
 }
 
-/* Creates the structure of the cones of `base`, which is set up, of linear geometry, and no time step. Collective on base */
+/* Creates the cones of `base`, a structure that is set up, of linear geometry, no time step. Collective on base */
 PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *newcones)
 {
   const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
@@ -51,13 +51,13 @@ PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *new
     if (base->law[l] == LATIN_LAW_FRICTION) LatinConesEdges(dim, base->friction[l], base->direction + dim * l, cones->direction + dim * l);
     if (base->law[l] == LATIN_LAW_FRICTION || base->law[l] == LATIN_LAW_TANGENT) cones->law[l] = LATIN_LAW_CONTACT;
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* solvers find the cones by it */
+  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* solvers find the cones by their DM */
   PetscCall(LatinStructureComposeDM_Private(cones));
   *newcones = cones;
   PetscFunctionReturn(0);
 }
 
-/* Replaces tensions of edges by those of the parts of contacts */
+/* Replaces tensions of edges, [links_local], by those of the parts of the contacts */
 void LatinConesTensions(LatinStructure cones, PetscReal tension[])
 {
   const LatinStructure base = cones->cones_of;

@@ -1,8 +1,8 @@
 #include "structure/turned.h"
 
-/* Linear buckling: derivative of the tensions along displacements, and geometric stiffness of tensions. */
+/* For linear buckling: geometric stiffness of given tensions, and derivative of the tensions along displacements. */
 
-/* Requires a geometry with rotations of links. Collective on structure */
+/* Checks that the geometry has rotations of links. Collective on structure */
 static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
@@ -26,7 +26,7 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
     LatinTurned link;
 
     LatinTurnedLink(structure, NULL, l, a, &link);
-    if (!(link.size > 0.0)) continue; /* as in the tangent: its ends coincide, or its direction is constant */
+    if (!(link.size > 0.0)) continue; /* none, as in the tangent: the ends coincide, or the direction is fixed */
     for (PetscInt i = 0; i < dim * dim; i++) k[i] = tension[l] / link.size * ((i / dim == i % dim ? 1.0 : 0.0) - link.n[i / dim] * link.n[i % dim]);
     PetscCall(LatinTurnedAdd_Private(structure, l, k, G));
   }
@@ -39,7 +39,7 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
 }
 
 /*@C
-  LatinStructureComputeGeometricStiffness - Geometric stiffness of given tensions: the sum over all links of tau / R (1 - n n^t), R and n the
+  LatinStructureComputeGeometricStiffness - Computes the geometric stiffness of given tensions: the sum over all links of tau / R (1 - n n^t), R and n the
   length and the direction of a link, in the displaced configuration if displacements are large, else in the drawn one.
 
   Collective on structure
@@ -67,7 +67,10 @@ PetscErrorCode LatinStructureComputeGeometricStiffness(LatinStructure structure,
   PetscFunctionReturn(0);
 }
 
-/* f = G- v, with G- minus the geometric stiffness of the compressive tensions at u. Collective on structure */
+/*
+   Computes f = G v; G: minus the geometric stiffness of the compressive tensions at u, positive semidefinite; and springs to the ground. Collective
+   on structure
+*/
 PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec v, Vec f)
 {
   const PetscInt     dim = structure->dim;
@@ -120,7 +123,7 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
 }
 
 /*@C
-  LatinStructureGetTensionRates - Derivative of the tensions at u along v, k_t n . (v_2 - v_1); zero in slack links.
+  LatinStructureGetTensionRates - Computes the derivative of the tensions at u along v, k_t n . (v_2 - v_1); zero in slack links.
 
   Collective on structure
 
@@ -128,7 +131,7 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
 . u, v - displacements, DM global vectors
 
   Output Parameter:
-. rate - of this rank's links, [links_local] in the caller's numbering
+. rate - forces, of this rank's links, [links_local] in the caller's numbering
 
   Level: intermediate
 

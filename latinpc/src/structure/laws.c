@@ -1,6 +1,6 @@
 #include "structure/laws.h"
 
-/* The table of laws: those of structure/laws.h behind one interface */
+/* The table of built-in laws: the functions of structure/laws.h with one signature */
 
 const char *const LatinLawTypes[] = {"bar", "cable", "compression_only", "inextensible", "contact", "friction", "tangent", "LatinLawType", "LATIN_LAW_", NULL};
 
@@ -24,7 +24,7 @@ static PetscReal LatinLawLocal_Bar(PetscReal k, PetscReal e0, PetscReal y, void 
   return LatinBarLocal(k, e0);
 }
 
-/* Unilateral laws have their sign as context */
+/* The context of unilateral laws is their sign */
 static PetscReal traction = 1.0, compression = -1.0;
 
 static PetscReal LatinLawTension_Unilateral(PetscReal k, PetscReal x, void *sign)
@@ -52,7 +52,7 @@ static PetscReal LatinLawLocal_Rigid(PetscReal l, PetscReal e0, PetscReal y, voi
   return LatinRigidLocal(*(const PetscReal *)sign, l, e0, y);
 }
 
-/* Laws in the order of LatinLawType, then registered ones. Tangential parts of contacts with friction depend on the normal part: stages/localcontacts.c */
+/* In the order of LatinLawType. Parts of contacts with friction depend on each other: their local stage is in stages/localcontacts.c */
 LatinLaw LatinBuiltInLaws[] = {
   {.name = "bar", .smooth = PETSC_TRUE, .tension = LatinLawTension_Bar, .tangent = LatinLawTangent_Bar, .energy = LatinLawEnergy_Bar, .local = LatinLawLocal_Bar},
   {.name = "cable", .tension = LatinLawTension_Unilateral, .tangent = LatinLawTangent_Unilateral, .energy = LatinLawEnergy_Unilateral, .local = LatinLawLocal_Unilateral, .ctx = &traction},

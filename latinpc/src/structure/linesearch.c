@@ -1,19 +1,19 @@
 #include "structure/structureimpl.h"
 
-/* Line search: minimises the energy of a structure along a Newton step, u - t step. */
+/* Line search: minimises the energy of a structure along a Newton step, at u - t step. */
 
-#define LATIN_SEARCH_MOST      80                            /* most trial lengths: every third halves the bracket */
-#define LATIN_SEARCH_GROWS     8.0                           /* growth of the length while the energy decreases */
-#define LATIN_SEARCH_FAR       1e12                          /* greatest length */
-#define LATIN_SEARCH_TOLERANCE LatinByPrecision(1e-10, 1e-4) /* slope at the end, relative to the first one; with 1e-3 steps stall between kinks where links yield */
+#define LATIN_SEARCH_MOST      80                            /* most trial lengths; every third halves the bracket */
+#define LATIN_SEARCH_GROWS     8.0                           /* factor on the length while the energy decreases */
+#define LATIN_SEARCH_FAR       1e12                          /* largest length t; if the energy decreases beyond, it has no minimum */
+#define LATIN_SEARCH_TOLERANCE LatinByPrecision(1e-10, 1e-4) /* largest slope at the end, relative to the first; with 1e-3 steps stall where links yield */
 
-/* The energy along a step: strains x - t d; slope of loads and springs work + t bend */
+/* The energy along a step, with strains x - t d. Loads and springs to the ground add work + t bend to its slope */
 typedef struct {
-  PetscReal *x, *d, *tension; /* [links_local] */
-  PetscReal  work, bend;      /* slope at t = 0 of loads and springs to the ground; curvature of the springs */
+  PetscReal *x, *d, *tension; /* [links_local]; the last one is work space */
+  PetscReal  work, bend;
 } LatinLine;
 
-/* Slope: derivative of the energy with respect to t. Collective on structure */
+/* Computes the derivative of the energy with respect to t. Overwrites line->tension. Collective on structure */
 static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const LatinLine *line, PetscReal t, PetscReal *slope)
 {
   PetscFunctionBegin;
@@ -26,10 +26,9 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
 }
 
 /*
-   *length: minimiser t of the energy along u - t step; 1 if the energy decreases without bound. `more`: an additional load, or NULL. With
-   a small stiffness of slack links a step may be too short by orders of magnitude: the bracket grows from 1 until the slope at its end is
-   positive. The slope is monotone and piecewise linear in t, so that the bracketed secant method converges in a few trials.
-   Collective on structure
+   Computes *length, the minimiser t of the energy at u - t step; 1 if the energy decreases without bound. more: an additional load, or NULL. If slack
+   links have a small stiffness, steps are too short by orders of magnitude: the bracket grows from 1 until the slope at its end is positive. The slope
+   is monotone and piecewise linear in t, so the bracketed secant method converges in a few trials. Collective on structure
 */
 PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec step, Vec more, PetscReal *length)
 {
@@ -44,7 +43,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   PetscCall(LatinStructureElongations_Private(structure, NULL, step, line.d)); /* zero where prescribed */
   PetscCall(VecDot(structure->load, step, &work));
   if (more) PetscCall(VecDot(more, step, &other));
-  /* a quadratic energy: g (u - t step)^2 / 2 */
+  /* springs g to the ground have the energy g (u - t step)^2 / 2 */
   PetscCall(LatinDiagonalProduct_Private(structure->ground, u, step, &held));
   PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &line.bend));
   line.work = PetscRealPart(work + other) - held;
@@ -52,7 +51,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   slope[0] = first;
   for (PetscInt k = 0; k < LATIN_SEARCH_MOST; k++) {
     PetscCall(LatinLineSlope_Private(structure, &line, t, &here));
-    if (k == 0 && first >= 0.0) break; /* no descent direction: rounding */
+    if (k == 0 && first >= 0.0) break; /* not a descent direction, by rounding */
     if (PetscAbsReal(here) <= LATIN_SEARCH_TOLERANCE * PetscAbsReal(first)) break;
     if (here > 0.0) {
       high     = t;
@@ -67,7 +66,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
       t = 1.0;
       break;
     }
-    /* secant; every third time bisection, in case one end does not move */
+    /* secant; every third time bisection, as one end may stay */
     t = k % 3 == 2 ? 0.5 * (low + high) : low - slope[0] * (high - low) / (slope[1] - slope[0]);
     if (high - low <= PETSC_MACHINE_EPSILON * high) break;
   }
@@ -77,8 +76,8 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
 }
 
 /*
-   *resisted: curvature of the energy along u - t step for t to infinity, from the stiffness of links at large strains. *borne: its slope there
-   from the tensions of links without stiffness, as those that yield; without loads. Collective on structure
+   Computes, for t to infinity, *resisted: curvature of the energy along u - t step, by the stiffness of links at large strains; *borne: slope by the
+   tensions of links without stiffness there, as those that yield; loads are left out. Collective on structure
 */
 PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted, PetscReal *borne)
 {

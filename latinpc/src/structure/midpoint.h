@@ -1,12 +1,11 @@
 /*
-   Energy-momentum scheme of links that rotate in a time step, from r0 to r1 = r0 + 2 d: the implicit midpoint rule with the mean force of
-   the step [J. C. Simo, N. Tarnow; O. Gonzalez]. With W the energy of the law, R = |r|, and x the strain,
+   Energy-momentum scheme of a link that rotates in a time step, from r0 to r1 = r0 + 2 d: the implicit midpoint rule with the mean force of the step
+   [J. C. Simo, N. Tarnow; O. Gonzalez]. With W the energy of the law, R = |r|, and x the strain,
 
      f(d) = g (r0 + d),  g = 2 tau / (R0 + R1),  tau = (W(x1) - W(x0)) / (x1 - x0).
 
-   Its work in the step is tau (R1 - R0) = W(x1) - W(x0), whatever the step and the law: energy is conserved. Its direction is
-   (r0 + r1) / 2: angular momentum is conserved. The unknown d is half the change of r; r0, at the start of the step, replaces the
-   drawn configuration.
+   Its work in the step is tau (R1 - R0) = W(x1) - W(x0), for any step and law: energy is conserved. Its direction is that of r0 + r1: angular
+   momentum is conserved. The unknown d is half the change of r; r0, at the start of the step, replaces the drawn configuration.
 
    Local stage. With the search direction E, as in structure/turning.h, r0 + d = (g + E)^-1 w: the only unknown is R1, the root of
 
@@ -19,9 +18,10 @@
 
 #include "structure/laws.h"
 
-#define LATIN_MIDPOINT_NOISE 16.0 /* times eps, of the energies: if the mean of both end tensions gives their difference to this rounding, it is taken as the mean tension, to avoid cancellation */
+/* times eps and the energies: rounding of W(x1) - W(x0). The mean of the end tensions, if it does this work to rounding, is tau: no cancellation */
+#define LATIN_MIDPOINT_NOISE 16.0
 
-/* Mean tension between the strains x0 and x1; slope: its derivative with respect to x1 */
+/* Returns the mean tension tau between the strains x0 and x1; slope: its derivative with respect to x1 */
 static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal *slope)
 {
   const PetscReal t1 = law->tension(k, x1, law->ctx), mean = 0.5 * (law->tension(k, x0, law->ctx) + t1), d = x1 - x0;
@@ -35,7 +35,7 @@ static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, P
   return (w1 - w0) / d;
 }
 
-/* g for S = R0 + R1; slope: its derivative with respect to R1 */
+/* Returns g; S: R0 + R1; slope: derivative of g with respect to R1 */
 static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal S, PetscReal *slope)
 {
   const PetscReal tension = LatinMidpointTension(law, k, x0, x1, slope);
@@ -45,8 +45,8 @@ static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, Pet
 }
 
 /*
-   Local stage of a link of constant direction: solves tau + k R = w for its length R, with tau = tension(R - natural), or in a time step, R0 not NULL,
-   the mean tension from R0 to 2 R - R0. Newton's method from R within a bracket, as the slope of the left side is at least k
+   Local stage of a link of constant direction: returns its length R, the root of tau + k R = w. tau: tension(R - natural); in a time step, R0 not NULL,
+   the mean tension from R0 to 2 R - R0. R: initial guess. Newton's method within a bracket, which exists as the slope of the left side is at least k
 */
 static inline PetscReal LatinLawLength(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, const PetscReal *R0, PetscReal R)
 {
@@ -78,10 +78,10 @@ typedef struct {
   PetscInt        dim;
   PetscReal       stiffness, natural; /* k and L of the law */
   PetscReal       k, c;               /* search direction E: of the first component, of the others */
-  PetscReal       w[3], r0[3], R0;
+  PetscReal       w[3], r0[3], R0;    /* right-hand side; vector and length at the start of the step */
 } LatinMidpoint;
 
-/* Returns g at the root; r: r0 + d */
+/* Solves the local stage of a link; returns g. r: set to r0 + d */
 static inline PetscReal LatinMidpointSolve(const LatinMidpoint *link, PetscReal r[])
 {
   PetscReal low = 0.0, high = PETSC_MAX_REAL, R = link->R0, g = 0.0;

@@ -1,8 +1,8 @@
 #include "structure/structureimpl.h"
 
-/* Nodal unbalance (1), its derivative, and the potential energy. */
+/* Tensions, nodal unbalance (1), its derivative and the potential energy, of links with fixed directions; rotating links: structure/turning.c. */
 
-/* Tensions at u; rigid: tensions of rigid links, NULL: zero. Collective on structure */
+/* Computes the tensions at u, [links_local]. rigid: tensions of rigid links, NULL: zero. Collective on structure */
 PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   PetscFunctionBegin;
@@ -15,7 +15,7 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* l2 norm of the tensions of elastic links as drawn, by initial elongations and prescribed displacements alone. Collective on structure */
+/* Computes the l2 norm of the tensions of elastic links without free displacements. Collective on structure */
 PetscErrorCode LatinStructureDrawn_Private(LatinStructure structure, PetscReal *norm)
 {
   PetscReal sum = 0.0, *tension;
@@ -34,7 +34,7 @@ PetscErrorCode LatinStructureDrawn_Private(LatinStructure structure, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Unbalance r = B^t tau - F with these tensions. Collective on structure */
+/* Computes the unbalance r = B^t tau - F (1) at u. rigid: tensions of rigid links, NULL: zero. Collective on structure */
 PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
   PetscReal *tension;
@@ -52,7 +52,7 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 }
 
 /*@C
-  LatinStructureComputeResidual - Nodal unbalance r = B^t tau - F at the free degrees of freedom, (1); u and r are DM global vectors.
+  LatinStructureComputeResidual - Computes the nodal unbalance r = B^t tau - F (1) at the free degrees of freedom.
 
   Collective on structure
 
@@ -61,7 +61,7 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 - u         - displacements, a DM global vector
 
   Output Parameter:
-. r - forces, a DM global vector
+. r - forces, a DM global vector, overwritten
 
   Level: intermediate
 
@@ -79,7 +79,7 @@ PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Ve
   PetscFunctionReturn(0);
 }
 
-/* Adds k b_i^t b_j to J, with the rows b of B of two links between the same nodes, or of one. Not collective */
+/* Adds k b_i^t b_j to J; b_i and b_j: rows of B of links i and j, with the same end nodes; i = j: of one link. Not collective */
 PetscErrorCode LatinStructureAddLinks_Private(LatinStructure structure, PetscInt i, PetscInt j, PetscReal k, Mat J)
 {
   const PetscInt dim = structure->dim;
@@ -97,7 +97,7 @@ PetscErrorCode LatinStructureAddLinks_Private(LatinStructure structure, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* Adds B^t k B to J for stiffnesses k of the links here, and springs to the ground, and assembles it. Collective on structure */
+/* Adds B^t k B and the springs to the ground to J, and assembles it. k: [links_local]. Collective on structure */
 PetscErrorCode LatinStructureAssemble_Private(LatinStructure structure, const PetscReal k[], Mat J)
 {
   PetscFunctionBegin;
@@ -131,7 +131,7 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 }
 
 /*@C
-  LatinStructureComputeJacobian - Tangent stiffness J = B^t k_t B, the generalised derivative of the unbalance at u, k_t the tangent stiffness of each link.
+  LatinStructureComputeJacobian - Computes the tangent stiffness J = B^t k_t B, a generalised derivative of the unbalance at u; k_t: tangent stiffnesses of the links.
 
   Collective on structure
 
@@ -140,7 +140,7 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 - u         - displacements, a DM global vector
 
   Output Parameter:
-. J - force/length
+. J - force/length, overwritten
 
   Level: intermediate
 
@@ -181,7 +181,7 @@ static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structu
 }
 
 /*@C
-  LatinStructureComputeEnergy - Potential energy: strain energy of the links minus the work of the loads.
+  LatinStructureComputeEnergy - Computes the potential energy: strain energy of the links minus the work of the loads.
 
   Collective on structure
 

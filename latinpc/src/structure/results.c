@@ -1,6 +1,6 @@
 #include "structure/structureimpl.h"
 
-/* Results of displacements: errors, tensions in the caller's numbering, active links. */
+/* Results at given displacements: errors, tensions, number of active links. */
 
 static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
 {
@@ -30,7 +30,7 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
 }
 
 /*@C
-  LatinStructureComputeErrors - Relative distance of displacements u from a reference; absolute if the reference is zero.
+  LatinStructureComputeErrors - Computes the relative distance of displacements u from a reference; absolute if the reference is zero.
 
   Collective on structure
 
@@ -79,7 +79,7 @@ PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscR
   PetscFunctionReturn(0);
 }
 
-/* Numbers of unilateral links, and of active ones, with tension. Collective on structure */
+/* Counts unilateral links (all but bars), and active ones, whose tension is not zero. rigid: tensions of rigid links. Collective on structure */
 PetscErrorCode LatinStructureCountActive_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral)
 {
   PetscReal *tension;

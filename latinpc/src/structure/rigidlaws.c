@@ -1,17 +1,16 @@
 #include "structure/structureimpl.h"
 
 /*
-   Rigid laws: search parameters and checks. Their stiffness k is not a property but the ascent direction l of the local
-   stage, a search parameter, which affects speed, not the result. The structure stores the value of the caller, 0 for none. The
-   automatic ones, chosen here, are the scale of forces and penalties also where the caller gives others. Their tensions are not a
-   function of the displacements: the solver stores them.
+   Rigid laws: search parameters and checks. The k of a rigid link is no stiffness but the ascent direction l of the local stage, a search parameter,
+   which affects speed, not the result. The structure stores the value of the caller, 0: automatic. Automatic values, computed here, are also the scale
+   of forces and of penalties, whatever the caller sets. Tensions of rigid links are no function of the displacements: the solver stores them.
 */
 
-#define LATIN_RIGID_SMALL 1e-3 /* displacements relative to the spacing of the nodes, if there is no gap to compare with: a unit, no iteration depends on it */
-#define LATIN_HELD_NOISE  8.0  /* times eps, of prescribed displacements and gap: rounding of an elongation */
-#define LATIN_RIGID_RUBS  0.1  /* factor on search parameters with friction: grains slip by more than their gaps */
+#define LATIN_RIGID_SMALL 1e-3 /* assumed mean gap, relative to the spacing of the nodes, if all gaps are zero: iterations do not depend on it */
+#define LATIN_HELD_NOISE  8.0  /* times eps and the sum of prescribed displacements and gap: rounding of an elongation */
+#define LATIN_RIGID_RUBS  0.1  /* factor on the search parameter of grains with friction, which slip by more than their gaps */
 
-/* Checks contacts with friction: their parts must be consecutive, on one rank, with the same end nodes, an orthonormal frame and a coefficient. Collective on structure */
+/* Checks contacts with friction: consecutive parts, on one rank, with the same end nodes, orthogonal directions, a coefficient. Collective on structure */
 PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
 {
   const PetscInt   dim = structure->dim, n = structure->links_local, *law = structure->law;
@@ -47,8 +46,8 @@ PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
 }
 
 /*
-   The search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without any, the mean
-   load of a loaded node over the mean gap, of the loads that there are now. Of a time step, that of its base. Collective on structure
+   Computes the search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without these, the
+   mean of the present loads (absolute values of free components that are loaded) over the mean gap. Of a time step, that of its base. Collective on step
 */
 PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *scale)
 {
@@ -74,7 +73,7 @@ PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(DMGetBoundingBox(structure->dm, low, high));
   for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, high[c] - low[c]);
-  /* without elastic links and gaps, tensions do not depend on l: choose it for displacements that are small relative to the spacing of nodes */
+  /* without elastic links and gaps, tensions do not depend on l */
   if (!(sum[2] > 0.0)) {
     sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
     sum[3] = 1.0;
@@ -85,10 +84,9 @@ PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *
 }
 
 /*
-   k: stiffnesses of the links of this rank; of rigid ones automatic search parameters. These are the mean
-   stiffness of the elastic links at the two nodes, plus in a time step the inertia of the two nodes against a change
-   of their distance. They are rounded to powers of two, so that equal subdomains have bitwise equal ones, on any number of
-   ranks. scale: that of rigid links with neither; 0: of the loads there are. Collective on structure
+   Computes k, [links_local]: stiffnesses; of rigid links automatic search parameters. These are the mean stiffness of the elastic links at the two
+   nodes, plus in a time step the inertia M / h^2 of the two nodes against a change of their distance, rounded to powers of two: equal subdomains have
+   bitwise equal values on any number of ranks. scale: value of rigid links that have neither; 0: LatinStructureRigidScale_Private(). Collective on structure
 */
 PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal scale, PetscReal k[])
 {
@@ -102,7 +100,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
   if (!(scale > 0.0)) PetscCall(LatinStructureRigidScale_Private(structure, &scale));
   PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
   if (structure->ground) {
-    PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 at clamped vertices */
+    PetscCall(LatinStructureOpen_Private(structure, NULL, structure->ground, &local, &g)); /* 0 where prescribed */
     for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
     PetscCall(LatinStructureClose_Private(structure, &local, &g));
   }
@@ -119,14 +117,17 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
     const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
 
     if (LatinLaws[structure->law[l]].rigid) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : scale;
-    /* one search parameter for all parts of a contact */
+    /* all parts of a contact have that of the normal part */
     if (structure->law[l] == LATIN_LAW_TANGENT) k[l] = k[l - 1];
   }
   PetscCall(PetscFree3(node, vertex, ground));
   PetscFunctionReturn(0);
 }
 
-/* Raises an error if there is a rigid law, unless springs replace its links: for functions that need a stiffness, or tensions as a function of displacements */
+/*
+   Checks that no link is rigid, unless springs replace rigid links: for functions that need stiffnesses, or tensions as a function of displacements.
+   what: subject of the message. Collective on structure
+*/
 PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
@@ -135,7 +136,7 @@ PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const 
   PetscFunctionReturn(0);
 }
 
-/* Strain of a link under the vertex displacements a; exact for links that rotate */
+/* Returns the strain of link l under the vertex displacements a, of rotating links without linearisation */
 static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const PetscScalar a[])
 {
   const PetscInt   dim  = structure->dim;
@@ -151,9 +152,8 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
 }
 
 /*
-   Check before a solve: the prescribed displacements (in a time step, their increments) at the ends of a rigid link must be kinematically
-   admissible, if no free displacement strains the link. jam: in a time step, which may fail, a link of this rank for which they are not, -1: none.
-   Collective on structure
+   Checks, before a solve, rigid links that no free displacement strains: prescribed displacements of their ends (in a time step, increments) must be
+   kinematically admissible. If not: an error; a time step, which may fail, sets *jam to such a link of this rank, -1: none. Collective on structure
 */
 PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscInt *jam)
 {

@@ -1,9 +1,14 @@
 #include "base/fingerprint.h"
 #include "structure/structureimpl.h"
 
-/* The DMPLEX of a structure: its mesh; after supports are set, its section and the numbering of free degrees of freedom. */
+/*
+   Set-up of the DMPLEX of a structure.
 
-/* Creates vertex_sf. Vertices are the nodes of links here, then nodes without links, each on the rank that created it. Collective on structure */
+   1. From nodes and links: vertices, the mesh, owners of vertices, directions of links, vertices shared by ranks.
+   2. After laws, supports and loads: checks, the section of displacements, numbers of free degrees of freedom, the load vector.
+*/
+
+/* Creates vertex_sf and ends. Vertices are the nodes of this rank's links, then this rank's nodes without links. Collective on structure */
 static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
 {
   MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
@@ -30,7 +35,7 @@ static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Sets the point SF of the DM: the last rank that has a vertex owns it. Collective on structure */
+/* Sets the point SF of the DM: the last of the ranks of a vertex owns it. Collective on structure */
 static PetscErrorCode LatinStructureOwners_Private(LatinStructure structure)
 {
   const PetscInt m = structure->links_local, n = structure->vertices;
@@ -74,7 +79,8 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscCall(DMSetDimension(structure->dm, 1));
   PetscCall(DMPlexBuildFromCellList(structure->dm, structure->links_local, structure->vertices, 2, structure->ends));
   PetscCall(LatinStructureOwners_Private(structure));
-  PetscCall(PetscSFDuplicate(structure->vertex_sf, PETSCSF_DUPLICATE_GRAPH, &moved)); /* a copy: in one dimension, sums by an SF fail after it has moved coordinates */
+  /* a copy: in one dimension, sums by an SF fail after it has moved coordinates */
+  PetscCall(PetscSFDuplicate(structure->vertex_sf, PETSCSF_DUPLICATE_GRAPH, &moved));
   PetscCall(DMPlexBuildCoordinatesFromCellListParallel(structure->dm, structure->dim, moved, structure->x));
   PetscCall(PetscSFDestroy(&moved));
   PetscFunctionReturn(0);
@@ -123,7 +129,7 @@ static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Unit vectors of links from the coordinates of their nodes, zero if both are at the same point. Collective on structure */
+/* Computes the unit vectors of links from the coordinates of their nodes; zero if both are at the same point. Collective on structure */
 PetscErrorCode LatinStructureDirections_Private(LatinStructure structure)
 {
   const PetscInt     m = structure->links_local, dim = structure->dim;
@@ -144,19 +150,19 @@ PetscErrorCode LatinStructureDirections_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Creates the DM from nodes and links, and the unit vectors of links. Collective on structure */
+/* Part 1 of the set-up: creates the DM from nodes and links. Collective on structure */
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCreatePlex_Private(structure));
   PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
-  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers; 0, as the name of the enum depends on the version of PETSc */
+  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* vertices keep their numbers; 0: never, by a name that depends on PETSc's version */
   PetscCall(LatinStructureDirections_Private(structure));
   PetscCall(LatinStructureShared_Private(structure));
   PetscFunctionReturn(0);
 }
 
-/* Clones the DM with its sections: PETSc stores the callbacks of a solver in its DM. Collective on structure */
+/* Clones the DM with its sections: each solver needs its own, in which PETSc stores its callbacks. Collective on structure */
 PetscErrorCode LatinStructureCloneDM_Private(LatinStructure structure, DM *dm)
 {
   PetscSection section;
@@ -184,7 +190,7 @@ PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Sets the constrained components of a point. PetscSectionSetConstraintIndices() of PETSc 3.18 reads those of another point if the chart does not begin at 0 */
+/* Sets the n constrained components of a point. PetscSectionSetConstraintIndices() of PETSc 3.18 takes another point if the chart does not begin at 0 */
 static PetscErrorCode LatinSectionConstrain_Private(PetscSection section, PetscInt point, PetscInt n, const PetscInt list[])
 {
   const PetscInt *of_point, *of_field;
@@ -198,7 +204,7 @@ static PetscErrorCode LatinSectionConstrain_Private(PetscSection section, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Section of displacements at the vertices, the last points of the DM; vfixed: prescribed components. Collective on structure */
+/* Creates the section of displacements at the vertices, the last points of the DM. vfixed: [vertices][dim] prescribed components. Collective on structure */
 static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[])
 {
   const PetscInt dim = structure->dim, vstart = structure->links_local;
@@ -209,7 +215,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscCall(PetscSectionSetNumFields(section, 1));
   PetscCall(PetscSectionSetFieldName(section, 0, "displacement"));
   PetscCall(PetscSectionSetFieldComponents(section, 0, dim));
-  PetscCall(PetscSectionSetChart(section, vstart, vstart + structure->vertices)); /* without links, which have no dofs and are more than vertices */
+  PetscCall(PetscSectionSetChart(section, vstart, vstart + structure->vertices)); /* without links: they have no dofs */
   for (PetscInt v = 0; v < structure->vertices; v++) {
     PetscInt constrained = 0;
 
@@ -233,7 +239,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscFunctionReturn(0);
 }
 
-/* Checks that nodes without links are fixed or have a mass; sets structure->flies. Collective on structure */
+/* Checks that nodes without links are fixed or have a mass ([nodes_local], or NULL); sets structure->flies. Collective on structure */
 PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, const PetscReal mass[])
 {
   const PetscInt     dim = structure->dim;
@@ -256,7 +262,7 @@ PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, con
   PetscFunctionReturn(0);
 }
 
-/* Refuses free nodes without links in statics. Collective on structure */
+/* Checks that, in statics, no node without links is free. Collective on structure */
 PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
@@ -265,6 +271,7 @@ PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
+/* Part 2 of the set-up. Collective on structure */
 static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
 {
   const PetscInt         dim = structure->dim, n = dim * structure->nodes_local;
@@ -294,7 +301,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   PetscCall(LatinStructureCreateSection_Private(structure, vfixed));
   PetscCall(PetscFree(vfixed));
 
-  /* global_dof: numbers of free dofs at the caller's nodes; all copies of a vertex have the same */
+  /* global_dof: numbers of free dofs at the caller's nodes; all copies of a vertex have the same numbers */
   for (PetscInt i = 0; i < n; i++) structure->global_dof[i] = -1;
   PetscCall(DMGetLocalToGlobalMapping(structure->dm, &map));
   PetscCall(ISLocalToGlobalMappingGetIndices(map, &vdof));
@@ -329,7 +336,7 @@ PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureGetDM - DMPLEX of a structure; its global vectors contain the free displacement components.
+  LatinStructureGetDM - Gets the DMPLEX of a structure; its global vectors contain the free displacement components.
 
   Not collective; the reference is borrowed
 
@@ -351,7 +358,7 @@ PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
 }
 
 /*@C
-  LatinStructureGetSizes - Dimension, numbers of nodes and links over all ranks, and of free degrees of freedom.
+  LatinStructureGetSizes - Gets the dimension and the numbers, over all ranks, of nodes, links and free degrees of freedom.
 
   Not collective
 
@@ -362,7 +369,7 @@ PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
 + dim       - displacement components of a node, or NULL
 . nodes     - nodes of all ranks, or NULL
 . nlinks    - links of all ranks, or NULL
-- free_dofs - components that are not prescribed, or NULL
+- free_dofs - displacement components of all ranks that are not prescribed, or NULL
 
   Level: beginner
 @*/

@@ -2,8 +2,8 @@
 #include <petsc/private/dmimpl.h>
 
 /*
-   Structures of section 2.1: a DMPLEX of one-dimensional cells, the laws of the links, supports and loads.
-   The caller's nodes and links keep the caller's numbering; the DM's vertices are reached through vertex_sf.
+   Structures of section 2.1: creation, laws, supports and loads; the DMPLEX is in structure/setup.c. The caller's nodes and links keep the caller's
+   numbering; vertex_sf maps these nodes to the DM's vertices.
 */
 
 static PetscErrorCode LatinStructureView_Private(LatinStructure structure, PetscViewer viewer)
@@ -40,11 +40,11 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     *structure = NULL;
     PetscFunctionReturn(0);
   }
-  if (l->base) { /* a time step borrows the rest from its base */
+  if (l->base) { /* a time step, which borrows the rest from its base */
     PetscCall(PetscFree5(l->e0, l->prescribed, l->vertex_prescribed, l->held, l->vertex_held));
     PetscCall(VecDestroy(&l->ground));
     PetscCall(LatinStructureDestroy(&l->base));
-  } else if (l->turns) { /* the same for parts of links */
+  } else if (l->turns) { /* a frame: the same */
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
     PetscCall(PetscFree(l->spring));
@@ -154,14 +154,14 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
   PetscFunctionReturn(0);
 }
 
-/* Stores laws that are known, with their stiffnesses, and checks them against the geometry and the initial elongations. Collective on structure */
+/* Stores laws, stiffnesses and initial elongations, and checks them against the geometry; the numbers of the laws are valid. Collective on structure */
 static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
   PetscInt kinds[4] = {0, 0, 0, 0};
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAW_TANGENT + 1 - law[l]); /* the first in the table, for messages; registered laws are elastic */
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAW_TANGENT + 1 - law[l]); /* the maximum is that of the first rigid law in the table */
     if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
     if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
     if (law[l] > LATIN_LAW_TANGENT) kinds[3] = 1;
@@ -189,7 +189,7 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
 
   Input Parameters:
 + law       - [links_local] `LatinLawType`, or number from `LatinLawRegister()` or `LatinLawRegisterTable()`
-. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; of a table
+. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: automatic; of a table
   0: its own stiffness
 - e0        - [links_local] initial elongations, lengths, or NULL for zero; k e0 is the tension in the prestressed configuration; of
   a contact e0 is the gap
@@ -227,10 +227,10 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   PetscCall(PetscArraycpy(laws, structure->law, n));
   PetscCall(PetscArraycpy(stiffnesses, structure->stiffness, n));
   PetscCall(PetscArraycpy(elongations, structure->e0, n));
-  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own lets ranks sleep that are needed below */
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own handler would let ranks sleep that are needed below */
   refused = LatinStructureKeepLaws_Private(structure, law, stiffness, e0);
   PetscCall(PetscPopErrorHandler());
-  if (refused) PetscCall(LatinStructureKeepLaws_Private(structure, laws, stiffnesses, elongations)); /* the structure stays as it was */
+  if (refused) PetscCall(LatinStructureKeepLaws_Private(structure, laws, stiffnesses, elongations)); /* restores the structure */
   PetscCall(PetscFree3(laws, stiffnesses, elongations));
   LatinEach(comm, refused);
   PetscFunctionReturn(0);
@@ -271,7 +271,7 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
   Level: intermediate
 
   Note:
-  T is a force: any for bars, >= 0 for cables, <= 0 for compression-only links, 0 for other laws.
+  T is any force for bars, >= 0 for cables, <= 0 for compression-only links, 0 for other laws.
 @*/
 PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscReal prestress[])
 {
@@ -301,7 +301,7 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
-/* Stores prescribed displacements of fixed components once they are known to be numbers. Collective on structure */
+/* Checks and stores prescribed displacements of fixed components. Collective on structure */
 static PetscErrorCode LatinStructurePrescribe_Private(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
 {
   const PetscInt n = structure->dim * structure->nodes_local;
@@ -319,12 +319,14 @@ static PetscErrorCode LatinStructurePrescribe_Private(LatinStructure structure, 
 }
 
 /*@C
-  LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank: those where `fixed`, [nodes_local][dim], is true.
+  LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank.
 
   Collective on structure; before `LatinStructureSetUp()`
 
-  Input Parameter:
-. prescribed - [nodes_local][dim] their values, lengths, or NULL for zero
+  Input Parameters:
++ structure  - not set up yet
+. fixed      - [nodes_local][dim] whether a component is prescribed
+- prescribed - [nodes_local][dim] prescribed displacements, lengths, or NULL for zero
 
   Level: beginner
 @*/
@@ -340,7 +342,7 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 }
 
 /*@C
-  LatinStructureSetPrescribed - Changes the displacements prescribed by `LatinStructureSetSupports()`: settlements.
+  LatinStructureSetPrescribed - Changes the displacements prescribed by `LatinStructureSetSupports()`, for settlements and moving supports.
 
   Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
 
@@ -395,8 +397,8 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
 
   Notes:
   The elongation of a link is the displacement of its second node along its direction, minus that of the first one.
-  Directions may have any length; zero: from the coordinates of the nodes. Use: contacts of nodes at the same point,
-  tangential parts of contacts, transverse stiffness of taut cables.
+  Directions may have any length. They are for contacts of nodes at the same point, tangential parts of contacts, and the
+  transverse stiffness of taut cables.
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
@@ -413,13 +415,13 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 }
 
 /*@C
-  LatinStructureSetFriction - Sets the coefficients of friction of the contacts of this rank, [links_local], read at links of law friction only.
+  LatinStructureSetFriction - Sets the coefficients of friction of the contacts of this rank.
 
   Collective on structure; before `LatinStructureSetUp()`
 
   Input Parameters:
 + structure   - not set up yet
-- coefficient - [links_local] Coulomb coefficients, not negative
+- coefficient - [links_local] Coulomb coefficients, not negative; used at links of law friction only
 
   Level: intermediate
 @*/

@@ -1,8 +1,8 @@
 /*
-   Structures of links: their data, and the functions of their files for each other and for the solvers. Each file calls those
-   before it only:
+   Structures of links: their data, and the functions shared by their files and by the solvers. Each file calls only those before it:
 
-     laws, userlaws; vectors; turning; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame, frictioncones; attach
+     laws, userlaws; vectors; turning, turningtangent, geometric; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame,
+     frictioncones; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -18,82 +18,82 @@
 #include <petscsf.h>
 
 /* ---- structures (structure/structure.c, structure/setup.c) ---- */
-/* Search directions of a frame, the parts of rotating links (structure/frame.c) */
+/* Search directions of the parts of a frame (structure/frame.c) */
 typedef enum {
-  LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
-  LATIN_FRAME_PRESENT, /* at displacements, modified for cables that may slacken or tighten */
-  LATIN_FRAME_TANGENT, /* at displacements: the tangent stiffness, for Newton's method */
-  LATIN_FRAME_FIRM     /* the same without what links in compression take from it, where it is not positive definite */
+  LATIN_FRAME_DRAWN,   /* for the drawn configuration */
+  LATIN_FRAME_PRESENT, /* at displacements, with reduced stiffnesses of cables that may slacken or tighten */
+  LATIN_FRAME_TANGENT, /* the tangent stiffness at displacements, for Newton's method */
+  LATIN_FRAME_FIRM     /* the same without the negative geometric stiffness of links in compression */
 } LatinFrameType;
 
 struct _p_LatinStructure {
   PETSCHEADER(int);
-  /* from here to keeps: a time step has a copy of the members of its base */
+  /* from dim to keeps: a time step, a frame and cones copy the members of their base */
   PetscInt dim;
-  PetscInt nodes_local, nodes_global; /* the caller's nodes: this rank's block, all */
-  PetscInt links_local, links_global;
-  PetscInt nodes_start, links_start;
+  PetscInt nodes_local, nodes_global; /* numbers of the caller's nodes: of this rank, of all */
+  PetscInt links_local, links_global; /* the same of links */
+  PetscInt nodes_start, links_start;  /* global numbers of the first ones of this rank */
   /* the caller's nodes of this rank */
   PetscReal *x, *force;  /* [nodes_local][dim] */
   PetscBool *fixed;      /* [nodes_local][dim] */
-  PetscInt  *global_dof; /* [nodes_local][dim] entry of a DM global vector, negative where prescribed */
+  PetscInt  *global_dof; /* [nodes_local][dim] entries in DM global vectors, negative where prescribed */
   /* the caller's links of this rank */
   PetscInt     *nodes;         /* [links_local][2] global node numbers */
   PetscInt     *ends;          /* [links_local][2] vertices of the DM */
   PetscInt     *law;           /* [links_local] LatinLawType */
-  PetscReal    *stiffness;     /* [links_local] k */
-  PetscReal    *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
-  PetscReal    *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL: not set */
-  PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: no rigid links */
-  PetscBool     general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
-  PetscBool     own_laws;      /* has tables or laws of the user, on any rank */
-  PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices here */
-  PetscInt      vertices;      /* vertices of the DM here */
-  PetscInt      unlinked;      /* nodes without links that this rank created: the last vertices */
-  PetscInt      shared;        /* vertices here that other ranks have too */
-  PetscInt     *shared_vertex; /* [shared] their numbers, ascending */
-  PetscSF       shared_sf;     /* from their owners to the other ranks, by places in this list; NULL: one rank */
+  PetscReal    *stiffness;     /* [links_local] k, force/length; of rigid links the search parameter, 0: automatic */
+  PetscReal    *direction;     /* [links_local][dim] unit vectors n, by default from the first to the second node: a row of B is (-n, n) */
+  PetscReal    *friction;      /* [links_local] coefficients of friction, valid at normal parts of contacts; NULL: not set */
+  PetscInt      rigid_law;     /* first law in the table that rigid links of any rank have; -1: no rigid links */
+  PetscBool     general, rubs; /* whether any rank has laws beyond bar, cable and compression only; contacts with friction */
+  PetscBool     own_laws;      /* whether any rank has registered laws (structure/userlaws.c) */
+  PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices of this rank */
+  PetscInt      vertices;      /* number of the DM's vertices on this rank */
+  PetscInt      unlinked;      /* number of this rank's nodes without links: the last vertices */
+  PetscInt      shared;        /* number of vertices that other ranks have as well */
+  PetscInt     *shared_vertex; /* [shared] their numbers here, ascending */
+  PetscSF       shared_sf;     /* from their owners to the other ranks, by indices in this list; NULL: one rank */
   PetscInt      flies;         /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
   PetscBool     set_up;
-  LatinGeometry geometry; /* rotation of links (structure/turning.c) */
-  PetscBool    *keeps;    /* [links_local] geometry large: links with a fixed direction; else NULL */
+  LatinGeometry geometry; /* rotations of links (structure/turning.c) */
+  PetscBool    *keeps;    /* [links_local] geometry large: whether a link has a fixed direction; else NULL */
   /* a time step has its own of the members below */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
-  PetscReal       *held;              /* [nodes_local][dim] of a time step: the prescribed displacements of its base where it starts */
+  PetscReal       *held;              /* [nodes_local][dim] time step: prescribed displacements of its base at its start */
   PetscReal       *vertex_held;       /* [vertices][dim] */
   PetscReal       *e0;                /* [links_local] */
-  PetscReal       *span;              /* [links_local][dim] from the first to the second node, as drawn, or at the start of a time step; NULL with geometry linear */
-  PetscBool        midpoint;          /* a time step with geometry large (structure/midpoint.h) */
+  PetscReal       *span;              /* [links_local][dim] vectors from first to second nodes, as drawn, of a time step at its start; NULL: linear */
+  PetscBool        midpoint;          /* whether this is a time step with geometry large (structure/midpoint.h) */
   DM               dm;
-  Vec              load;                             /* F at free dofs, DM global vector */
-  PetscObjectState load_state, e0_state, held_state; /* increased at each change: solvers compare them to rebuild */
+  Vec              load;                             /* F at free dofs, a DM global vector */
+  PetscObjectState load_state, e0_state, held_state; /* counts of changes of load, e0, prescribed; solvers compare them */
   /* dynamics (structure/timestep.c), NULL in statics */
   PetscReal       *mass;       /* [nodes_local] */
   Vec              inertia;    /* M at free dofs */
-  LatinStructure   base;       /* the structure of which this one is a time step */
-  PetscObjectState base_state; /* of the base at the last update */
+  LatinStructure   base;       /* the structure in motion, of which this is a time step */
+  PetscObjectState base_state; /* state of the base at the last update */
   Vec              ground;     /* springs between the nodes and the ground, at free dofs: M / h^2 of a time step */
   PetscReal        shift;      /* 1 / h^2 */
   /* [links_local] while rigid links are springs in the method of multipliers (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  /* while Newton's method with large displacements uses tensions ahead of the displacements (snes/largenewton.c), else NULL; borrowed */
-  const PetscReal *ahead;    /* [links_local] tensions in the tangent stiffness */
-  const PetscReal *strain;   /* [links_local] their strains, at which laws are linearised, or NULL */
-  const PetscReal *slope;    /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
-  PetscReal        hold;     /* with them: stiffness of slack cables, relative to the mean tension over length */
-  LatinStructure   cones_of; /* the structure with friction whose polyhedral cones this one has (structure/frictioncones.c), NULL in others */
-  /* of a frame (structure/frame.c), NULL in other structures */
-  LatinStructure   turns;                 /* the base, whose links have been split into parts */
-  PetscObjectState turns_state, turns_e0; /* its states at the last LatinFrameFollow_Private() */
-  PetscObjectState parts_state;           /* state of the frame when links or laws last changed; later changes are of directions and stiffnesses */
-  PetscReal       *part;                  /* [links_local][LATIN_PART] geometry large, see structure/turning.h */
-  LatinFrameType   made;                  /* geometry large: search directions of the parts */
-  PetscReal       *spring;                /* [2][links of turns] rigid links as springs: penalties, multipliers; NULL without rigid links */
+  /* tangent stiffnesses of Newton's method with large displacements, at tensions other than those of the displacements; else NULL; borrowed */
+  const PetscReal *ahead;    /* [links_local] these tensions, of strains linearised ahead of the displacements (snes/largenewton.c) */
+  const PetscReal *strain;   /* [links_local] their strains, about which laws are linearised, or NULL */
+  const PetscReal *slope;    /* [links_local] stiffnesses in place of those of the laws (snes/largeinterior.c), or NULL */
+  PetscReal        hold;     /* stiffness of slack cables, relative to the mean tension over length of taut links */
+  LatinStructure   cones_of; /* cones (structure/frictioncones.c): the structure with friction; else NULL */
+  /* frame (structure/frame.c); else NULL */
+  LatinStructure   turns;                 /* the base, whose links are split into parts */
+  PetscObjectState turns_state, turns_e0; /* its state and e0_state at the last LatinFrameFollow_Private() */
+  PetscObjectState parts_state;           /* state of the frame at the last change of laws; later changes are of directions and stiffnesses alone */
+  PetscReal       *part;                  /* [links_local][LATIN_PART] geometry large: data of the parts (structure/turning.h) */
+  LatinFrameType   made;                  /* geometry large: type of the present search directions */
+  PetscReal       *spring;                /* [2][links of turns] penalties, multipliers of rigid links as springs; NULL without rigid links */
 };
 
-/* ---- links of a structure: all by their numbers on this rank ---- */
-/* A row of B: the elongation of link l under the vertex displacements a */
+/* ---- one link, l: its number on this rank ---- */
+/* Returns the elongation of link l under the vertex displacements a: a row of B */
 static inline PetscReal LatinStructureElongation(LatinStructure structure, PetscInt l, const PetscScalar a[])
 {
   const PetscInt     dim = structure->dim;
@@ -105,9 +105,9 @@ static inline PetscReal LatinStructureElongation(LatinStructure structure, Petsc
   return e;
 }
 
-#define LATIN_TURNING_OWN 1e-8 /* least difference of a link's direction from that of its nodes that counts as a direction of its own */
+#define LATIN_TURNING_OWN 1e-8 /* least difference, in a component, of a unit vector of the user from that of the nodes; smaller ones are rounding */
 
-/* Has link l a direction of its own, not that of its nodes, which are r0 apart? */
+/* Whether link l has a direction of its own, other than that of its nodes, which are r0 apart */
 static inline PetscBool LatinStructureOwnDirection(LatinStructure structure, PetscInt l, const PetscReal r0[])
 {
   PetscReal n[3] = {0.0, 0.0, 0.0}, apart = 0.0;
@@ -117,7 +117,7 @@ static inline PetscBool LatinStructureOwnDirection(LatinStructure structure, Pet
   return (PetscBool)(apart > LATIN_TURNING_OWN);
 }
 
-/* A column of B^t: adds the forces of link l under the tension t to those of the vertices */
+/* Adds to f, [vertices][dim], the forces of link l under the tension t: a column of B^t */
 static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, PetscReal t, PetscScalar f[])
 {
   const PetscInt   dim = structure->dim;
@@ -130,13 +130,13 @@ static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, 
   }
 }
 
-/* Tension of a rigid link as a spring: max(0, lambda + r x) for laws of traction, min(0, lambda + r x) for laws of compression */
+/* Returns the tension of a rigid link as a spring: max(0, lambda + r x) for laws of traction, min(0, lambda + r x) for laws of compression */
 static inline PetscReal LatinStructureSpring(const LatinStructure structure, PetscInt l, PetscReal x)
 {
   return LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, structure->multiplier[l] + structure->penalty[l] * x);
 }
 
-/* Tension of a link of strain x. rigid: tensions of rigid links, from the solver; NULL: zero */
+/* Returns the tension of a link of strain x. rigid: tensions of rigid links, from the solver; NULL: zero */
 static inline PetscReal LatinStructureTension(const LatinStructure structure, const PetscReal rigid[], PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
@@ -145,9 +145,9 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
-#define LATIN_FAR 1e30 /* a length: a strain beyond every gap, whose square is finite */
+#define LATIN_FAR 1e30 /* a length: a strain beyond every gap but those of LATIN_STEP_FAR, for the behaviour of laws at infinity */
 
-/* Tangent stiffness of a link of strain x, elastic or a spring in the method of multipliers */
+/* Returns the tangent stiffness of a link of strain x, elastic, or a spring in the method of multipliers */
 static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
@@ -156,13 +156,13 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
-/* Is the link rigid, without a search parameter from the caller? */
+/* Whether the link is rigid, and its search parameter automatic */
 static inline PetscBool LatinStructureTuned(const LatinStructure structure, PetscInt l)
 {
   return (PetscBool)(LatinLaws[structure->law[l]].rigid && !(structure->stiffness[l] > 0.0));
 }
 
-/* ---- vectors, checks of arguments (structure/vectors.c) ---- */
+/* ---- vectors, elongations and forces; checks of arguments (structure/vectors.c) ---- */
 PETSC_INTERN PetscErrorCode LatinCheckArray_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, const void *array, const char what[]);
 PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, PetscObject solver);
@@ -198,7 +198,7 @@ PETSC_INTERN PetscErrorCode LatinTangentChanges_Private(LatinStructure, Vec u, P
 PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, Vec step, Vec more, PetscReal *length);
 PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted, PetscReal *borne);
 
-/* ---- residuals and tensions of displacements; rigid: tensions of rigid links (structure/residual.c, structure/results.c) ---- */
+/* ---- residual, tensions, assembly (structure/residual.c, structure/results.c, structure/attach.c); rigid: tensions of rigid links ---- */
 PETSC_INTERN PetscErrorCode LatinSolverUnbalance_Private(SNES, LatinStructure, Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinNoObjective_Private(SNES);
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
@@ -208,7 +208,7 @@ PETSC_INTERN PetscErrorCode LatinStructureAddLinks_Private(LatinStructure, Petsc
 PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
 
-/* ---- rotating links (structure/turning.c), and frames of their parts (structure/frame.c) ---- */
+/* ---- rotating links (structure/turning*.c, structure/geometric.c); frames (structure/frame.c); cones (structure/frictioncones.c) ---- */
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningNatural_Private(LatinStructure, const PetscReal e0[]);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
@@ -232,7 +232,7 @@ PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, Pets
 PETSC_INTERN PetscErrorCode LatinFramePenalty_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed);
 
-/* Has link l a fixed direction with geometry large? Contacts, and links with a direction of their own */
+/* Whether link l has a fixed direction with geometry large: contacts, and links with a direction of their own */
 static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)
 {
   return structure->keeps ? structure->keeps[l] : PETSC_FALSE;
@@ -257,7 +257,7 @@ PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscRea
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift);
 PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift);
 
-/* ---- structures behind DMs and solvers (structure/attach.c) ---- */
+/* ---- structures of DMs and solvers (structure/attach.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureFromDM_Private(DM, LatinStructure *);
 PETSC_INTERN PetscErrorCode SNESLatinFindStructure_Private(SNES, LatinStructure *);
 PETSC_INTERN PetscErrorCode SNESLatinFollowDM_Private(SNES, LatinStructure);

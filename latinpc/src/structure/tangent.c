@@ -1,8 +1,8 @@
 #include "structure/structureimpl.h"
 
-/* Tangent stiffnesses of the links, composed on their matrix, which may be a shell. */
+/* Tangent stiffnesses of the links, composed as a vector on the tangent matrix B^t k_t B, assembled or a shell: preconditioners read them there. */
 
-/* Least and largest positive stiffness of all links; most may be NULL. Collective on structure */
+/* Computes the least and the largest positive stiffness of all links, of rigid ones the penalty, if any; most may be NULL. Collective on structure */
 PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure structure, PetscReal *least, PetscReal *most)
 {
   PetscReal range[2] = {-PETSC_MAX_REAL, 0.0};
@@ -20,7 +20,7 @@ PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure structure, Pe
   PetscFunctionReturn(0);
 }
 
-/* The tangent stiffnesses composed on a matrix, borrowed; NULL if there are none. Collective on structure */
+/* Gets the tangent stiffnesses composed on P, borrowed; NULL: none. Checks their number. Collective on structure */
 PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *tangent)
 {
   PetscInt n, m;
@@ -35,7 +35,7 @@ PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *ta
   PetscFunctionReturn(0);
 }
 
-/* k: tangent stiffness of each link at u, at least `floor`. Collective on structure */
+/* Computes the tangent stiffness k of each link at u, at least `floor`. Collective on structure */
 static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[])
 {
   PetscFunctionBegin;
@@ -44,7 +44,7 @@ static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, V
   PetscFunctionReturn(0);
 }
 
-/* The vector of the tangent stiffnesses composed on a matrix, borrowed; created if there is none. Collective on structure */
+/* Gets the vector of tangent stiffnesses composed on J, borrowed; creates it if there is none. Collective on structure */
 static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J, Vec *links)
 {
   PetscFunctionBegin;
@@ -57,8 +57,8 @@ static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J,
 }
 
 /*
-   Computes the tangent stiffness of each link at u, at least `floor`, and composes them on the matrix J, where preconditioners
-   find them; each solver has its own J. *tangent is borrowed. Collective on structure
+   Computes the tangent stiffness of each link at u, at least `floor`, and composes them on the matrix J; each solver has its own J. *tangent is
+   borrowed. Collective on structure
 */
 PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, Vec *tangent)
 {
@@ -110,7 +110,10 @@ static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* Creates a tangent stiffness as a shell matrix, for PC latin, which needs no entries. Call LatinTangentCompute_Private() before its first use; it must not outlive the structure. Collective on structure */
+/*
+   Creates the tangent stiffness as a shell matrix, for PC latin, which needs no entries. Call LatinTangentCompute_Private() before its first use. The
+   structure must outlive it. Collective on structure
+*/
 PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
 {
   PetscInt n;
@@ -123,7 +126,7 @@ PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
   PetscFunctionReturn(0);
 }
 
-/* *changes: number of links whose tangent stiffness at u, at least `floor`, differs from that in J. Collective on structure */
+/* Counts the links whose tangent stiffness at u, at least `floor`, differs from that in J. Collective on structure */
 PetscErrorCode LatinTangentChanges_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, PetscInt *changes)
 {
   Vec              tangent;

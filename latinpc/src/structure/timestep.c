@@ -5,21 +5,19 @@
 
    With the unknown w = h v+, the implicit Euler scheme (8) of a step of length h from (u, v) reads
      M / h^2 w + B^t tau = F + M v / h,
-   and the elongation of a link is e- + B w with e- = B u: (9) and (11) are the laws of statics with the initial elongation
-   e- + e0. So a time step is a static structure with springs M / h^2 between nodes and the ground, another load,
-   other initial elongations and supports at rest. It is a LatinStructure of its own, which shares the mesh and the laws with its
-   base, the structure in motion.
+   and the elongation of a link is e- + B w with e- = B u: (9) and (11) are the laws of statics with the initial elongation e- + e0. So a time step is a
+   static structure with springs M / h^2 between nodes and the ground, another load, other initial elongations, and the increments of prescribed
+   displacements. It is a LatinStructure of its own, which shares mesh and laws with its base, the structure in motion.
 
-   Rigid links follow Moreau's condition (10). A link that is slack, or open, at the start of the step has no tension in it. For
-   any other one the law holds for w itself: it must not be stretched, or closed, further. In w supports move by the
-   increments of their prescribed displacements, so that they push and pull. Both cases are initial elongations again, infinite
-   and zero, so that operators do not change. A closed contact must not open by the error of a solver: gaps count as closed up to
-   LATIN_STEP_CLOSED of the flight of the step without rigid links.
+   Rigid links follow Moreau's condition (10). A link that is slack, or open, at the start of the step has no tension in it. For any other one the law
+   holds for w itself: it must not be stretched, or closed, further. In w supports move by the increments of their prescribed displacements, so that they
+   push and pull. Both cases are initial elongations again, infinite and zero: operators do not change. A closed contact must not open by the error of a
+   solver: gaps count as closed up to LATIN_STEP_CLOSED of the flight, the largest displacement of the step without rigid links.
 */
 
-#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative difference by rounding of equal lengths of steps */
-#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: the gap of a link that is not active in a step */
-#define LATIN_STEP_CLOSED 1e-4                         /* of the flight of a step: greatest gap of closed contacts; with four times as much two motions of the catalogue are refused */
+#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* largest relative difference, by rounding, of equal 1 / h^2 */
+#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: gap of a link that is not active in a step */
+#define LATIN_STEP_CLOSED 1e-4                         /* largest gap of closed contacts, relative to the flight; with 4e-4 two motions of the catalogue fail */
 
 /*@C
   LatinStructureSetMass - Sets the masses of the nodes of this rank, [nodes_local], >= 0, for dynamics.
@@ -56,7 +54,7 @@ PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal m
   PetscFunctionReturn(0);
 }
 
-/* Creates structure->inertia, M at the free degrees of freedom. Collective on structure */
+/* Creates structure->inertia, M at the free degrees of freedom, unless it exists. Collective on structure */
 PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 {
   const PetscInt dim = structure->dim;
@@ -75,7 +73,7 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureComputeKineticEnergy - Kinetic energy 1/2 v^t M v of the nodes; v is a DM global vector of velocities.
+  LatinStructureComputeKineticEnergy - Computes the kinetic energy 1/2 v^t M v of the nodes.
 
   Collective on structure
 
@@ -102,8 +100,8 @@ PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec 
 /* ---- a time step as a structure ---- */
 
 /*
-   Updates the step after changes of laws or masses of the base, and sets the springs G = shift M; negative shift: the length of the step is
-   not known yet. Increases the state of the step if operators change. Collective on step
+   Updates the step after changes of laws or masses of the base, and sets the springs G = shift M; shift < 0: leaves them, as the length of the step is
+   not known yet. Increases the state of the step if G changes. Collective on step
 */
 PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 {
@@ -119,7 +117,7 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
     step->shift      = 0.0;
     step->midpoint   = (PetscBool)(step->geometry == LATIN_GEOMETRY_LARGE);
     PetscCall(PetscFree(step->span));
-    if (step->base->span) {                                                    /* the drawn configuration, until a step starts */
+    if (step->base->span) {                                                    /* as drawn, until a step starts */
       PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* + 1: not NULL on a rank without links */
       PetscCall(PetscArraycpy(step->span, step->base->span, step->dim * step->links_local));
       PetscCall(PetscArraycpy(step->e0, step->base->e0, step->links_local));
@@ -132,7 +130,7 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
   PetscFunctionReturn(0);
 }
 
-/* Checks that a motion is possible: linear geometry, or large displacements of elastic links. Collective on base */
+/* Checks that the geometry allows motions: linear, or large with elastic links alone. Collective on base */
 PetscErrorCode LatinStepCheck_Private(LatinStructure base)
 {
   PetscFunctionBegin;
@@ -142,7 +140,10 @@ PetscErrorCode LatinStepCheck_Private(LatinStructure base)
   PetscFunctionReturn(0);
 }
 
-/* Ends a step: stores the present positions of supports, from which the next one starts; *moved becomes true if supports of this rank have moved, NULL: not asked. Not collective */
+/*
+   Ends a step: stores the positions of supports, from which the next one starts. *moved (or NULL): set to true if supports of this rank have moved.
+   Not collective
+*/
 PetscErrorCode LatinStepMade_Private(LatinStructure step, PetscBool *moved)
 {
   const LatinStructure base = step->base;
@@ -154,7 +155,7 @@ PetscErrorCode LatinStepMade_Private(LatinStructure step, PetscBool *moved)
   PetscFunctionReturn(0);
 }
 
-/* Puts the supports back to where they were before the last step. Not collective */
+/* Moves the supports back to their positions before the last step. Not collective */
 PetscErrorCode LatinStepBack_Private(LatinStructure step)
 {
   const LatinStructure base = step->base;
@@ -166,7 +167,7 @@ PetscErrorCode LatinStepBack_Private(LatinStructure step)
   PetscFunctionReturn(0);
 }
 
-/* Updates the vertices after positions of supports have been set at the nodes, as by a restart. Collective on step */
+/* Copies positions and increments of supports from nodes to vertices, after a restart has set them. Collective on step */
 PetscErrorCode LatinStepPlaced_Private(LatinStructure step)
 {
   PetscFunctionBegin;
@@ -176,7 +177,7 @@ PetscErrorCode LatinStepPlaced_Private(LatinStructure step)
   PetscFunctionReturn(0);
 }
 
-/* Increments of prescribed displacements in the step, half of them for the midpoint rule */
+/* Sets the increments of prescribed displacements in the step, half of them for the midpoint rule */
 static void LatinStepSupports(LatinStructure step)
 {
   const LatinStructure base = step->base;
@@ -187,6 +188,7 @@ static void LatinStepSupports(LatinStructure step)
   step->held_state++;
 }
 
+/* Creates the time step of `base`, with supports where they are now. Collective on base */
 PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *newstep)
 {
   LatinStructure step;
@@ -195,8 +197,8 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscCall(PetscHeaderCreate(step, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Time step of a structure", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
   PetscCall(PetscObjectReference((PetscObject)base));
   step->base       = base;
-  step->base_state = -1;                                     /* never updated */
-  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* solvers find the step by it */
+  step->base_state = -1;                                     /* not updated yet */
+  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* solvers find the step by its DM */
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(
@@ -208,7 +210,7 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscFunctionReturn(0);
 }
 
-/* Initial elongation of a link in a step from the strain x = e- + e0; gaps up to `closed` count as zero */
+/* Returns the initial elongation of a link in a step, x: strain e- + e0 at its start; gaps up to `closed` count as zero */
 static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed)
 {
   if (!LatinLaws[law].rigid) return x; /* (9), (11) */
@@ -217,7 +219,10 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* *flight: largest displacement in the step, with strains step->e0 at its start, of supports, and of nodes on which elastic links act as at the start, and no rigid ones. Collective on step */
+/*
+   Increases *flight to the largest displacement in the step, of supports, and of nodes if elastic links keep their tensions, at the strains step->e0, and
+   rigid links have none. Collective on step
+*/
 static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
 {
   Vec                w, none, local;
@@ -245,7 +250,7 @@ static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *fl
   PetscFunctionReturn(0);
 }
 
-/* Sets initial elongations and, if links rotate, spans at the start of a step from u. Collective on step */
+/* Sets supports, initial elongations and, if links rotate, spans of a step that starts from u. Collective on step */
 static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
 {
   LatinStructure base   = step->base;
@@ -266,7 +271,7 @@ static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Starts the step of length h from (u, v), with the unknown h v+; for the midpoint rule h is half the length of the step, and the unknown h (v + v+) / 2. Collective on step */
+/* Starts a step of length h from (u, v), with the unknown h v+; midpoint rule: h is half the length, the unknown h (v + v+) / 2. Collective on step */
 PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
 {
   LatinStructure base = step->base;
@@ -284,7 +289,7 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
   PetscFunctionReturn(0);
 }
 
-/* Makes the step the base itself on springs shift M, with its displacements as the unknown: the linearisation of other integrators. Collective on step */
+/* Turns the step into the base on springs shift M, with displacements as the unknown: for Jacobians of other integrators. Collective on step */
 PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift)
 {
   LatinStructure base = step->base;

@@ -3,19 +3,18 @@
 #include "structure/turned.h"
 
 /*
-   Residual, tensions and energy of rotating links, geometries prestress and large. For the geometry linear see residual.c and tangent.c.
+   Residual, tensions and energy of rotating links, geometries prestress and large. For geometry linear see structure/residual.c.
 
    large      f = tau r / R, r = r0 + d; its derivative is k_t n n^t + tau / R (1 - n n^t) with n = r / R
    prestress  f = tau n + t0 / l (1 - n n^t) d; n, l and the tension t0 as drawn: linearisation of large at d = 0
 
-   A link with a fixed direction n, a contact for example, has f = tau n in the geometry large as well.
-
-   d is the displacement of the second node less that of the first one. In a time step, large uses the mean force of structure/midpoint.h.
+   d is the displacement of the second node minus that of the first. A link with a fixed direction n, as a contact, has f = tau n in geometry large
+   as well. A time step of geometry large has the mean force of structure/midpoint.h.
 */
 
 const char *const LatinGeometries[] = {"linear", "prestress", "large", "LatinGeometry", "LATIN_GEOMETRY_", NULL};
 
-/* The mean force of a time step */
+/* Sets x, tension, across and change of *link to those of the mean force of a time step; d and size are set */
 static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *link)
 {
   const PetscInt   dim = structure->dim;
@@ -30,13 +29,13 @@ static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *l
   }
   R0            = PetscSqrtReal(R0);
   R1            = PetscSqrtReal(R1);
-  link->x       = structure->e0[l] + (R0 + R1 > 0.0 ? stretch / (R0 + R1) : 0.0); /* at the end of the step, without cancellation */
+  link->x       = structure->e0[l] + (R0 + R1 > 0.0 ? stretch / (R0 + R1) : 0.0); /* strain at the end of the step, without cancellation */
   link->across  = R0 + R1 > 0.0 ? LatinMidpointForce(law, structure->stiffness[l], structure->e0[l], link->x, R0 + R1, &slope) : 0.0;
   link->tension = link->across * link->size;
   for (PetscInt c = 0; c < dim; c++) link->change[c] = R1 > 0.0 ? 2.0 * link->size * slope * (r0[c] + 2.0 * link->d[c]) / R1 : 0.0;
 }
 
-/* A link with a fixed direction; in a time step with the mean tension */
+/* Sets *link for a link with a fixed direction; in a time step with the mean tension */
 static void LatinTurnedKeep(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
   const LatinLaw *law   = &LatinLaws[structure->law[l]];
@@ -89,7 +88,7 @@ void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt
   }
 }
 
-/* Adds the derivative k of the force of link l by the relative displacement of its ends, [dim][dim], to J. Not collective */
+/* Adds link l to the stiffness J. k: derivative of its force by the relative displacement d of its ends, [dim][dim]. Not collective */
 PetscErrorCode LatinTurnedAdd_Private(LatinStructure structure, PetscInt l, const PetscReal k[], Mat J)
 {
   const PetscInt dim = structure->dim, n = 2 * dim;
@@ -103,7 +102,10 @@ PetscErrorCode LatinTurnedAdd_Private(LatinStructure structure, PetscInt l, cons
   PetscFunctionReturn(0);
 }
 
-/* r = nodal forces of the links, f of link l at f + dim l, and of springs to the ground at u, minus the loads. Collective on structure */
+/*
+   Computes r: nodal forces of the links and of springs to the ground at u, minus load (or NULL). f: [links_local][dim] forces on second nodes.
+   Collective on structure
+*/
 PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscReal f[], Vec u, Vec load, Vec r)
 {
   const PetscInt dim = structure->dim;
@@ -120,7 +122,7 @@ PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
-/* The tensions at u; `rigid`: of rigid links. Collective on structure */
+/* Computes the tensions at u, [links_local]. rigid: tensions of rigid links. Collective on structure */
 PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   const PetscScalar *a;
@@ -137,7 +139,10 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* Linearised strains at u + part * step, with the directions of links at u, and their tensions; `held`: step of prescribed vertices, NULL: zero. Collective on structure */
+/*
+   Computes the strains at u + part * step, linearised about u, and the tensions of the laws at them. held: step of prescribed vertices, NULL: zero.
+   Collective on structure
+*/
 PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec step, PetscReal part, PetscReal tension[], PetscReal strain[])
 {
   const PetscInt     dim = structure->dim;
@@ -161,7 +166,7 @@ PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const 
   PetscFunctionReturn(0);
 }
 
-/* The nodal unbalance at u, with the tensions `rigid` of the rigid links. Collective on structure */
+/* Computes the nodal unbalance r at u, with laws linearised about structure->strain if it is set. rigid: tensions of rigid links. Collective on structure */
 PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
   const PetscInt     dim = structure->dim;
@@ -187,7 +192,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* At u: vectors from the first to the second node of each link, and strains; `held`: displacements of prescribed vertices. Collective on structure */
+/* Computes span, the vectors from first to second nodes at u, and the strains x there. held: displacements of prescribed vertices. Collective on structure */
 PetscErrorCode LatinTurningMove_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal span[], PetscReal x[])
 {
   const PetscInt     dim = structure->dim;
@@ -206,7 +211,7 @@ PetscErrorCode LatinTurningMove_Private(LatinStructure structure, const PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Strain energy of the links less the work of the loads. Collective on structure */
+/* Computes the strain energy of the links, rigid ones as springs, minus the work of the loads. Collective on structure */
 PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, PetscReal *energy)
 {
   const PetscInt     dim = structure->dim;
@@ -240,8 +245,10 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
 
 /* ---- set-up and checks ---- */
 
-/* Checks that the natural length l - e0 of each rotating link is not negative; e0: initial elongations, [links_local], NULL: zero. It is zero, to rounding, at links of a
-   given force density. Collective on structure */
+/*
+   Checks that the natural length l - e0 of each rotating link is not negative. e0: [links_local] initial elongations, NULL: zero. Links of a given force
+   density have the length zero to rounding. Collective on structure
+*/
 PetscErrorCode LatinTurningNatural_Private(LatinStructure structure, const PetscReal e0[])
 {
   const PetscInt dim    = structure->dim;
@@ -264,7 +271,7 @@ PetscErrorCode LatinTurningNatural_Private(LatinStructure structure, const Petsc
   PetscFunctionReturn(0);
 }
 
-/* Computes the spans of the links of a structure that is set up, and checks laws and directions for the geometry. Collective on structure */
+/* Sets span and keeps for the present geometry, and checks that it allows the laws and the directions of the links. Collective on structure */
 PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
 {
   const PetscInt     dim  = structure->dim;
@@ -283,11 +290,11 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
     if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || (structure->law[l] != LATIN_LAW_INEXTENSIBLE && structure->law[l] != LATIN_LAW_CONTACT))) rigid = structure->law[l];
   cure = LatinLaws[PetscMax(0, rigid)].cure;
-  if (rigid == LATIN_LAW_FRICTION || rigid == LATIN_LAW_TANGENT) /* friction is limited to small displacements */
+  if (rigid == LATIN_LAW_FRICTION || rigid == LATIN_LAW_TANGENT) /* friction is for small displacements */
     cure = structure->geometry == LATIN_GEOMETRY_LARGE ? "the law contact, which slides without friction" : "the elastic law compression_only, which slides without friction";
   LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name, cure);
-  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL with rotating links */
-  if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* never NULL then */
+  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* + 1: never NULL */
+  if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* the same */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
@@ -304,7 +311,7 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Raises an error unless the geometry is linear; `what`: a noun with its verb. Collective on structure */
+/* Checks that the geometry is linear. what: subject and verb of the message. Collective on structure */
 PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const char what[])
 {
   PetscFunctionBegin;
@@ -330,8 +337,8 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
   Level: beginner
 
   Note:
-  Prestress and large support elastic links in the direction of their nodes; large also inextensible cables and contacts in statics, and
-  links with a direction of their own. The direction of these and of contacts stays fixed. Motions support linear and large.
+  Prestress and large support elastic links in the direction of their nodes. Large also supports links with a direction of their own and,
+  in statics, inextensible cables and contacts; directions of contacts and directions of their own stay fixed. Motions support linear and large.
 
 .seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
 @*/
@@ -347,7 +354,7 @@ PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry
   before              = structure->geometry;
   structure->geometry = geometry;
   refused             = structure->set_up ? LatinTurningSetUp_Private(structure) : 0;
-  if (refused) { /* the structure stays as it was, for its solvers do not ask again */
+  if (refused) { /* restores the structure, as its solvers do not check it again */
     structure->geometry = before;
     PetscCall(LatinTurningSetUp_Private(structure));
   }

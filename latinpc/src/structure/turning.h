@@ -8,31 +8,32 @@
 
      f(r) + E r = w,  w = s + 2 E d + E r0,
 
-   where d is the relative displacement of the ends in the linear stage, and r0 is r as drawn. With rho = tau / R the components of r
-   along n and across it are w_n / (rho + k) and |w_t| / (rho + c). So R is the only unknown, a root of
+   where d is the relative displacement of the ends in the linear stage, and r0 is r as drawn. With rho = tau / R the components of r along n and
+   across it are w_n / (rho + k) and |w_t| / (rho + c). So R is the only unknown, a root of
 
      w_n^2 / (tau + k R)^2 + w_t^2 / (tau + c R)^2 = 1.
 
-   For tau + c R > 0 the left side decreases from infinity to zero, and the root is unique: the search direction is stiff enough
-   in series with the law.
+   Where tau + k R > 0 and tau + c R > 0, the left side decreases from infinity to zero: the root is unique.
 */
 #ifndef LATINTURNING_H
 #define LATINTURNING_H
 
 #include "structure/laws.h"
 
-/* Additional data of a part of a rotating link: k and L of its law, the scale sqrt(E_b / E) of the part, and 1 if the link has a fixed direction, else 0. A part along the
-   unit vector b has the row sqrt(E_b / E) b of B: then all parts have one search parameter E, and the norm of a state is its energy */
+/*
+   Data of a part of a rotating link: k and L of its law; its scale; 1 if the link has a fixed direction, else 0. A part along the unit vector b with the
+   search parameter E_b has the row sqrt(E_b / E) b of B, its scale times b: so all parts have the same E, and the norm of a state is its energy
+*/
 enum { LATIN_PART_STIFFNESS, LATIN_PART_NATURAL, LATIN_PART_SCALE, LATIN_PART_KEEPS, LATIN_PART };
 
 /* The equation for R of one link */
 typedef struct {
   const LatinLaw *law;
   PetscReal       stiffness, natural;  /* k and L of the law */
-  PetscReal       k, c, along, across; /* search direction; w_n, |w_t| */
+  PetscReal       k, c, along, across; /* search direction E; w_n, |w_t| */
 } LatinTurn;
 
-/* g(R) = 1 / sqrt(left side) - 1, nearly linear in R; infinite where tau + c R <= 0 */
+/* Returns g(R) = 1 / sqrt(left side) - 1, nearly linear in R, or -1 where tau + k R <= 0 or tau + c R <= 0; slope: its derivative, or 0 */
 static inline PetscReal LatinTurnMiss(const LatinTurn *turn, PetscReal R, PetscReal *slope)
 {
   const PetscReal x = R - turn->natural, t = turn->law->tension(turn->stiffness, x, turn->law->ctx), dt = turn->law->tangent(turn->stiffness, x, turn->law->ctx);
@@ -49,7 +50,7 @@ static inline PetscReal LatinTurnMiss(const LatinTurn *turn, PetscReal R, PetscR
   return 1.0 / PetscSqrtReal(h) - 1.0;
 }
 
-/* The root R: Newton's method within a bracket */
+/* Returns the root R, by Newton's method within a bracket */
 static inline PetscReal LatinTurnLength(const LatinTurn *turn)
 {
   PetscReal low = 0.0, high = PETSC_MAX_REAL, R = PetscSqrtReal(PetscSqr(turn->along / turn->k) + PetscSqr(turn->across / turn->c)); /* initial guess: the length of a slack cable */

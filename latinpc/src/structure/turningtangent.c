@@ -1,11 +1,13 @@
 #include "structure/turned.h"
 
 /*
-   The tangent stiffness of rotating links: assembled, and matrix-free as a product link by link, which needs less memory and no
-   assembly.
+   The tangent stiffness of rotating links: assembled, or matrix-free, by products link by link, which need less memory and no assembly.
 */
 
-/* Stiffness of slack cables in the tangent while Newton's method uses tensions ahead of the displacements (structure->ahead), else 0. Collective on structure */
+/*
+   Computes the stiffness of slack cables: structure->hold times the mean tension over length of taut links; 0 without structure->ahead. Collective on
+   structure
+*/
 static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const PetscScalar a[], PetscReal *hold)
 {
   PetscReal   sum[3] = {0.0, 0.0, 0.0};
@@ -25,7 +27,7 @@ static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* The derivative of the force of link l by d, [dim][dim]; not symmetric in a time step */
+/* Computes block, the derivative of the force of link l by d, [dim][dim], row by row. hold: stiffness of slack cables. Not symmetric in a time step */
 static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal hold, PetscReal block[])
 {
   const PetscInt dim = structure->dim;
@@ -35,8 +37,9 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   LatinTurnedLink(structure, NULL, l, a, &link);
   if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
   if (structure->ahead && !LatinStructureKeeps(structure, l)) {
-    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* coincident nodes: a link whose energy is quadratic in its length is equally stiff in all directions */
-    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not in compression */
+    /* coincident nodes: a link whose energy is quadratic in its length is equally stiff in all directions */
+    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0;
+    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) { /* not in compression */
       link.across = PetscMax(link.across, hold);
       k           = PetscMax(k, hold);
     }
@@ -45,7 +48,7 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
 
-/* Assembles the tangent stiffness. Collective on structure */
+/* Assembles the tangent stiffness at u in J. Collective on structure */
 PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
   const PetscScalar *a;
@@ -69,7 +72,7 @@ PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat
   PetscFunctionReturn(0);
 }
 
-/* r = the linearised unbalance of the displacements `held` of prescribed vertices: tangent stiffness at u times `held`. Collective on structure */
+/* Computes r: tangent stiffness at u times displacements `held` of prescribed vertices, [vertices][dim]. Collective on structure */
 PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec r)
 {
   const PetscInt     dim = structure->dim;
@@ -97,7 +100,7 @@ PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const P
 }
 
 /* ---- matrix-free ---- */
-/* v += nodal forces of the links: their blocks k times the displacements a of the vertices. Inlined for a constant dim */
+/* Adds to v, [vertices][dim], the forces of the links: their blocks k times the vertex displacements a. Inlined with a constant dim */
 static inline void LatinTurnedProducts(LatinStructure structure, PetscInt dim, const PetscScalar k[], const PetscScalar a[], PetscScalar v[])
 {
   for (PetscInt l = 0; l < structure->links_local; l++, k += dim * dim) {
@@ -135,7 +138,10 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* Creates the matrix-free tangent stiffness; call LatinTurningMatCompute_Private() before its first use. The structure must outlive it. Collective on structure */
+/*
+   Creates the matrix-free tangent stiffness. Call LatinTurningMatCompute_Private() before its first use; the structure must outlive it. Collective on
+   structure
+*/
 PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
 {
   const PetscInt m = structure->dim * structure->dim * structure->links_local;
@@ -153,6 +159,7 @@ PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
   PetscFunctionReturn(0);
 }
 
+/* Computes the blocks of the matrix-free tangent stiffness at u. Collective on structure */
 PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, Mat A)
 {
   Vec                blocks, local;

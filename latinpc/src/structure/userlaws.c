@@ -2,19 +2,19 @@
 #include "structure/structureimpl.h"
 
 /*
-   Registered laws, in the same table as the built-in ones: piecewise linear laws from points, and functions of the user.
-   For a law without a local stage, Newton's method solves it from the tension, a nondecreasing function of one variable.
+   Registered laws, in the same table as the built-in ones: piecewise linear laws from points, and functions of the user. If these have no local
+   stage, Newton's method solves it for the strain, as the tension is a nondecreasing function of it.
 */
 
 typedef struct {
-  PetscInt   n;
+  PetscInt   n;     /* number of points */
   PetscReal *x, *t; /* [n] strains; tensions over the steepest slope, lengths */
-  PetscReal *w;     /* [n] energies from the first point, over the steepest slope */
+  PetscReal *w;     /* [n] energies, zero at the first point, over the steepest slope */
 } LatinTable;
 
-static PetscInt room = LATIN_LAW_TANGENT + 1; /* laws that the table has room for */
+static PetscInt room = LATIN_LAW_TANGENT + 1; /* number of laws that fit into the table */
 
-/* Segment of x (add = 0), or of x + t (add = 1, in the local stage); the first and the last one are unbounded */
+/* Returns the segment of the value x of the strain (add = 0), or of strain + tension (add = 1, local stage); the first and the last are unbounded */
 static PetscInt LatinTableFind(const LatinTable *table, PetscReal x, PetscReal add)
 {
   PetscInt low = 0, high = table->n - 1;
@@ -33,7 +33,7 @@ static PetscReal LatinTableSlope(const LatinTable *table, PetscInt i)
   return (table->t[i + 1] - table->t[i]) / (table->x[i + 1] - table->x[i]);
 }
 
-/* From the strain where the line of the segment is zero: the rounding is relative to the tension, not to the points */
+/* Measured from the zero of the line through the segment: rounding is relative to the tension, not to the points */
 static PetscReal LatinLawTension_Table(PetscReal k, PetscReal x, void *ctx)
 {
   const LatinTable *table = (const LatinTable *)ctx;
@@ -70,12 +70,14 @@ static PetscReal LatinLawLocal_Table(PetscReal k, PetscReal e0, PetscReal y, voi
   return y - 2.0 * k * (x - e0);
 }
 
+/* Returns the descent datum tau_hat - k e_hat of the local stage with the ascent datum y */
 PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 {
   const LatinLaw *own = &LatinLaws[law];
   const PetscReal c   = y + k * e0;
 
-  return own->local ? own->local(k, e0, y, own->ctx) : y - 2.0 * k * (LatinLawLength(own, k, 0.0, k, c, NULL, 0.5 * c / k) - e0); /* the strain x with tension(x) + k x = c */
+  /* x_hat solves tension(x) + k x = c */
+  return own->local ? own->local(k, e0, y, own->ctx) : y - 2.0 * k * (LatinLawLength(own, k, 0.0, k, c, NULL, 0.5 * c / k) - e0);
 }
 
 /*@C
@@ -100,7 +102,7 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 }
 
 /*@
-  LatinLawGetStiffness - Stiffness of links of a law where none is given: of a table its steepest slope, of the others zero, which stands for none.
+  LatinLawGetStiffness - Default stiffness of the links of a law: of a table its steepest slope, of other laws 0: none.
 
   Not collective
 
@@ -130,7 +132,7 @@ PetscErrorCode LatinLawGetStiffness(PetscInt law, PetscReal *stiffness)
 
   Input Parameters:
 + law       - its number; a rigid law is an error, as its tension is not a function of the strain
-. stiffness - k, force/length, zero: that of `LatinLawGetStiffness()`
+. stiffness - k, force/length, 0: that of `LatinLawGetStiffness()`
 - strain    - x = e + e0, length
 
   Output Parameter:
@@ -152,7 +154,7 @@ PetscErrorCode LatinLawGetTension(PetscInt law, PetscReal stiffness, PetscReal s
   PetscFunctionReturn(0);
 }
 
-/* Makes room for one more law. Not collective */
+/* Makes room for one more law; the table may move. Not collective */
 static PetscErrorCode LatinLawsGrow_Private(void)
 {
   LatinLaw *laws;
@@ -178,9 +180,9 @@ static PetscErrorCode LatinLawsGrow_Private(void)
   Level: advanced
 
   Notes:
-  The tension must not decrease with the strain x = e + e0, and its slope must not exceed k by far: k is the ascent
-  direction of the local stage. The functions are called inside the iteration. If `local` is NULL, Newton's method
-  in one variable solves the local stage.
+  The tension must not decrease with the strain x = e + e0. Its slope should not be much larger than k, the ascent direction of
+  the local stage. The functions are called inside the iteration. If `local` is NULL, Newton's method in one variable solves
+  the local stage.
 
 .seealso: `LatinLawFunctions`, `LatinLawRegisterTable()`, `LatinStructureSetLaws()`
 @*/
@@ -200,7 +202,7 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscFunctionReturn(0);
 }
 
-/* Number of points of a table, with its strains and its tensions over the steepest slope; 0 for other laws */
+/* Returns the number of points of a table, with their strains and their tensions over the steepest slope; 0 for other laws */
 PetscInt LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal *tension[])
 {
   const LatinTable *table = (const LatinTable *)LatinLaws[law].ctx;
@@ -211,7 +213,7 @@ PetscInt LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal
   return table->n;
 }
 
-/* Is the law a table of these points? */
+/* Whether the law is a table of these points */
 static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscReal steepest)
 {
   const LatinTable *table = (const LatinTable *)law->ctx;
@@ -276,7 +278,7 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
   PetscFunctionReturn(0);
 }
 
-/* At PetscFinalize(): the next PetscInitialize() starts from the built-in laws */
+/* Frees registered laws at PetscFinalize(): the next PetscInitialize() starts from the built-in laws */
 PetscErrorCode LatinLawsFinalize_Private(void)
 {
   PetscFunctionBegin;

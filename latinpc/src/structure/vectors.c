@@ -1,6 +1,9 @@
 #include "structure/structureimpl.h"
 
-/* Vectors of a structure: DM global vectors have the free displacement components, local ones all of the vertices here, arrays of the caller all of the nodes of this rank. */
+/*
+   Vectors of a structure, with their products by B and B^t. DM global vectors have the free displacement components; local ones, all components of the
+   vertices of this rank; arrays of the caller, all components of its nodes on this rank.
+*/
 
 PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure structure)
 {
@@ -10,7 +13,7 @@ PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* Checks that solver and structure have the same ranks: else messages would crash or deadlock. Not collective */
+/* Checks that solver and structure have the same ranks: else communication would crash or deadlock. Not collective */
 PetscErrorCode LatinStructureCheckComm_Private(LatinStructure structure, PetscObject solver)
 {
   const MPI_Comm comm = PetscObjectComm((PetscObject)structure), other = PetscObjectComm(solver);
@@ -42,7 +45,7 @@ PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Checks that J is a matrix of the structure's DM */
+/* Checks that J is a matrix from the structure's DM. Collective on structure */
 PetscErrorCode LatinStructureCheckMat_Private(LatinStructure structure, Mat J)
 {
   ISLocalToGlobalMapping map;
@@ -56,7 +59,7 @@ PetscErrorCode LatinStructureCheckMat_Private(LatinStructure structure, Mat J)
   PetscFunctionReturn(0);
 }
 
-/* Checks that there is an array for the nodes or links of this rank, unless it has none. Collective on comm */
+/* Checks that the array is not NULL, unless this rank has no such nodes or links. kind: "Node" or "Link"; what: noun for the message. Collective on comm */
 PetscErrorCode LatinCheckArray_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, const void *array, const char what[])
 {
   PetscFunctionBegin;
@@ -64,7 +67,7 @@ PetscErrorCode LatinCheckArray_Private(MPI_Comm comm, const char kind[], PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Checks that numbers of nodes or links, `each` per node or link, are finite, and >= 0 unless `negative`. Collective on comm */
+/* Checks that values, `each` per node or link, are finite, and >= 0 unless `negative` ones are allowed. Collective on comm */
 PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[])
 {
   PetscInt bad = -1;
@@ -77,7 +80,7 @@ PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], Petsc
   PetscFunctionReturn(0);
 }
 
-/* Sets the free dofs of a DM global vector from values of this rank's nodes, [nodes_local][dim], in the caller's numbering. Collective on structure */
+/* Sets v, a DM global vector, from values of this rank's nodes, [nodes_local][dim], in the caller's numbering. Collective on structure */
 PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const PetscReal values[], Vec v)
 {
   PetscFunctionBegin;
@@ -88,7 +91,7 @@ PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* v: the loads and `more`, additional ones, or NULL. Collective on structure */
+/* Sets v to the loads, plus additional ones `more` (or NULL). Collective on structure */
 PetscErrorCode LatinStructureLoads_Private(LatinStructure structure, Vec more, Vec v)
 {
   PetscFunctionBegin;
@@ -97,7 +100,7 @@ PetscErrorCode LatinStructureLoads_Private(LatinStructure structure, Vec more, V
   PetscFunctionReturn(0);
 }
 
-/* local: displacements of the DM's vertices; `held`: prescribed ones, NULL for zero. Collective on structure */
+/* Sets local to the displacements u of the vertices, with prescribed ones `held`, [vertices][dim]; NULL: zero. Collective on structure */
 PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec local)
 {
   PetscScalar *a;
@@ -111,7 +114,7 @@ PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* a: displacements of the DM's vertices, to read; `held`: prescribed ones, NULL for zero. Collective on structure */
+/* Gets a, [vertices][dim]: displacements u, with prescribed ones `held`, NULL: zero. Read only, until LatinStructureClose_Private(). Collective on structure */
 PetscErrorCode LatinStructureOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
 {
   PetscFunctionBegin;
@@ -129,7 +132,7 @@ PetscErrorCode LatinStructureClose_Private(LatinStructure structure, Vec *local,
   PetscFunctionReturn(0);
 }
 
-/* f: forces of the DM's vertices, zero, to add to. Not collective */
+/* Gets f, [vertices][dim]: zero, to add forces to, until LatinStructureCloseForces_Private(). Not collective */
 PetscErrorCode LatinStructureOpenForces_Private(LatinStructure structure, Vec *local, PetscScalar **f)
 {
   PetscFunctionBegin;
@@ -139,7 +142,7 @@ PetscErrorCode LatinStructureOpenForces_Private(LatinStructure structure, Vec *l
   PetscFunctionReturn(0);
 }
 
-/* r = these forces + G u - load, with springs G to the ground; u and load may be NULL. Collective on structure */
+/* Computes r = f + G u - load, summed over the ranks; G: springs to the ground; u and load may be NULL. Collective on structure */
 PetscErrorCode LatinStructureCloseForces_Private(LatinStructure structure, Vec *local, PetscScalar **f, Vec u, Vec load, Vec r)
 {
   PetscFunctionBegin;
@@ -152,7 +155,7 @@ PetscErrorCode LatinStructureCloseForces_Private(LatinStructure structure, Vec *
   PetscFunctionReturn(0);
 }
 
-/* Elongations B u of the links of this rank; `held`: prescribed displacements of vertices, NULL for zero. Collective on structure */
+/* Computes elongations e = B u, [links_local]; held: prescribed displacements, [vertices][dim], NULL: zero. Collective on structure */
 PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal e[])
 {
   Vec                local;
@@ -166,7 +169,7 @@ PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const
   PetscFunctionReturn(0);
 }
 
-/* Strains x = B u + e0 of the links of this rank. Collective on structure */
+/* Computes strains x = B u + e0, [links_local]. Collective on structure */
 PetscErrorCode LatinStructureStrains_Private(LatinStructure structure, Vec u, PetscReal x[])
 {
   PetscFunctionBegin;
@@ -175,7 +178,7 @@ PetscErrorCode LatinStructureStrains_Private(LatinStructure structure, Vec u, Pe
   PetscFunctionReturn(0);
 }
 
-/* r = B^t tension + G u - load, with springs G to the ground; load may be NULL. Collective on structure */
+/* Computes r = B^t tension + G u - load; G: springs to the ground; load may be NULL. Collective on structure */
 PetscErrorCode LatinStructureForces_Private(LatinStructure structure, const PetscReal tension[], Vec u, Vec load, Vec r)
 {
   Vec          local;
@@ -189,7 +192,7 @@ PetscErrorCode LatinStructureForces_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* u^t D v for a diagonal D, 0 for none. Collective on u */
+/* Computes u^t D v for a diagonal D; NULL: 0. Collective on u */
 PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, PetscReal *product)
 {
   PetscScalar dot = 0.0;
