@@ -1,9 +1,9 @@
 #include "core/latinimpl.h"
 
-/* Cost of a decomposition: of its factors, predicted by symbolic analysis; of set-up and stages, measured. */
+/* Cost of a decomposition: predicted for its factors, by symbolic analysis; measured for set-up and linear stages. */
 
 /*@C
-  LatinGetCost - How the number of subdomains was chosen, predicted cost of their factors, measured time of set-up and linear stages.
+  LatinGetCost - Gets how the number of subdomains was chosen, the predicted cost of their factors, and measured times of set-up and linear stages.
 
   Collective on latin
 
@@ -16,7 +16,7 @@
   Level: intermediate
 
   Note:
-  Operations count an addition and a multiplication each. Operations and bytes are sums over the factors of all subdomains; equal
+  Additions and multiplications count as one operation each. Operations and bytes are sums over the factors of all subdomains; equal
   subdomains on a rank share a factor. They are 0 with local solvers other than the default. A linear stage reads the factors twice. Seconds
   are those of the slowest rank.
 @*/

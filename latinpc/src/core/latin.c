@@ -2,7 +2,13 @@
 #include <petsctime.h>
 
 /*
-   The core object: the order of the set-up, and what is rebuilt after a change. The solver types are shells around it.
+   The core object: the order of the set-up, and what a change rebuilds. The solver types are shells around it. The set-up computes
+
+   1. stiffnesses of links, subdomains (section 2.1) and the variant, if it is auto;
+   2. interfaces (section 3.1), micro search directions (26), (27), local low-energy fields, macro fields (section 3.2);
+   3. numbers of the coarse unknowns, and batches of equal subdomains;
+   4. operators of the subdomains and their factors (28), homogenised stiffnesses (29), (51), and the coarse problem;
+   5. where factors are in single precision, their accuracy: if it is too low, part of 4. again.
 */
 
 static const char citation[] = "@article{AlartDureisseix2008,\n"
@@ -24,7 +30,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionBegin;
   PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Private, LatinView_Private));
   PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)latin)));
-  /* each member has pointers to those that it reads */
+  /* each stage has pointers to those that it reads */
   latin->sub      = (LatinSubdomains){.object = (PetscObject)latin};
   latin->variant  = LATIN_VARIANT_CORNER;
   latin->inter    = (LatinInterfaces){.sub = &latin->sub};
@@ -38,7 +44,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionReturn(0);
 }
 
-/* Sets the problem: a structure, or a MATIS. A change resets latin. Collective on latin */
+/* Sets the problem: a structure, or a MATIS, the other NULL. Another problem resets latin. Collective on latin */
 PetscErrorCode LatinSetProblem_Private(Latin latin, LatinStructure structure, Mat matrix)
 {
   PetscFunctionBegin;
@@ -56,8 +62,8 @@ PetscErrorCode LatinSetProblem_Private(Latin latin, LatinStructure structure, Ma
 }
 
 /*
-   Sets sub.link_stiffness: stiffnesses of links, automatic search parameters of rigid links; or the tangent stiffnesses composed on the matrix P
-   (NULL: none), if it has them. Collective on latin
+   Sets sub.link_stiffness: the tangent stiffnesses composed on the matrix P, if P is not NULL and has them; else the stiffnesses of the links, of rigid
+   ones their automatic search parameters. Collective on latin
 */
 PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
 {
@@ -88,18 +94,18 @@ PetscErrorCode LatinSetStiffness_Private(Latin latin, Mat P)
   PetscFunctionReturn(0);
 }
 
-#define LATIN_REPEATS 8 /* least ratio of subdomains to different ones at which corner takes less time than primal */
+#define LATIN_REPEATS 8 /* least number of subdomains per different one at which corner takes less time than primal */
 
-/* Has the user set an option of strong interfaces? */
+/* Whether the user has set an option of strong interfaces */
 static PetscBool LatinTunesInterfaces(Latin latin)
 {
   return (PetscBool)(latin->dir.type != LATIN_DIRECTION_SCHUR || latin->dir.value > 0.0 || latin->macro.type != LATIN_MODES_AFFINE || latin->spectral.threshold > 0.0);
 }
 
 /*
-   Chooses the variant for auto. With repeated subdomains, micro quantities on interfaces cost next to nothing and keep the
-   coarse problem small: corner. Else all interfaces in the coarse problem take less time: primal. Times of corner and primal: tensegrity-grid 200 in
-   2500 equal blocks 1.4 and 3.6 s, tensegrity-grid 100 cut by METIS into 313 2.1 and 1.7 s, into 16 4.2 and 1.2 s. Collective on latin
+   Sets inter.variant, and chooses it for auto. If subdomains repeat, micro quantities on interfaces cost next to nothing and keep the coarse problem
+   small: corner. Else all interfaces in the coarse problem take less time: primal. Measured times of corner and primal: tensegrity-grid 200 in 2500 equal
+   blocks 1.4 and 3.6 s; tensegrity-grid 100 cut by METIS into 313 subdomains 2.1 and 1.7 s, into 16 4.2 and 1.2 s. Collective on latin
 */
 static PetscErrorCode LatinSetUpVariant_Private(Latin latin)
 {
@@ -117,6 +123,7 @@ static PetscErrorCode LatinSetUpVariant_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Creates the subdomains: of a structure by its partition, of a MATIS by its local matrices. Collective on latin */
 static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
 {
   const LatinVariant variant   = latin->variant;
@@ -144,7 +151,7 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Marks the factor of the coarse matrix as provisional if factors of substructures are in single precision on any rank. Collective on latin */
+/* Sets whether the coarse factor is provisional: factors of substructures are in single precision on any rank. Collective on latin */
 static PetscErrorCode LatinSetUpProvisional_Private(Latin latin)
 {
   PetscReal rounding = latin->linear.substructures ? latin->solvers.rounding : 0.0;
@@ -156,8 +163,8 @@ static PetscErrorCode LatinSetUpProvisional_Private(Latin latin)
 }
 
 /*
-   Tests factors of substructures in single precision: accepts them if a linear stage with them contracts the error enough; else factors
-   again in a higher precision, and renews the coarse problem. Collective on latin
+   Tests factors of substructures in single precision: accepts them if a linear stage contracts the error enough; else factors again in a higher
+   precision, and renews the coarse problem. Raises the error of a failed coarse factorisation. Collective on latin
 */
 static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
 {
@@ -184,7 +191,7 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Solvers of the subdomains and their condensation. Collective on latin */
+/* Sets up the solvers of the subdomains and their homogenised stiffnesses. Collective on latin */
 static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
 {
   LatinLocalSolvers *solvers = &latin->solvers;
@@ -198,8 +205,8 @@ static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
 }
 
 /*
-   The coarse matrix has the rounding errors of subdomain energies in single precision, which cancel in it. If these are not small relative to the
-   energy of its softest displacement, repeats the set-up in double precision. Collective on latin
+   Tests the coarse matrix if subdomains are condensed in single precision. Their energies cancel in it, their rounding errors do not. If these are not
+   small relative to the energy of its softest displacement, repeats the linear stage's set-up in double precision. Collective on latin
 */
 static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
 {
@@ -218,7 +225,7 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Sets up the stages above the subdomains, in order; kept: the interfaces exist. Collective on latin */
+/* Sets up all that follows the subdomains, in order. kept: the interfaces exist. Collective on latin */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
   PetscInt *pattern;
@@ -243,7 +250,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscFunctionReturn(0);
 }
 
-/* Resets what depends on the values of the operators. Matrices and solvers are kept aside: the next set-up reuses those of the same pattern */
+/* Resets what depends on the values of the operators. Matrices and solvers are set aside for the next set-up, which reuses those of the same pattern */
 static PetscErrorCode LatinRetire_Private(Latin latin)
 {
   PetscFunctionBegin;
@@ -257,7 +264,7 @@ static PetscErrorCode LatinRetire_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Full set-up for new operators; again: of the same structure or matrix, subdomains and interfaces are kept if they have not changed. Collective on latin */
+/* Sets up all operators. again: for the same problem: subdomains and interfaces are kept unless a matrix or auto has changed them. Collective on latin */
 static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
 {
   const LatinVariant variant = latin->inter.variant;
@@ -289,7 +296,7 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
   PetscFunctionReturn(0);
 }
 
-/* Has nothing changed in the structure since the last set-up but the rotations of the parts of links (structure/frame.c)? */
+/* Whether nothing but rotations of the parts of links (structure/frame.c) has changed in the structure since the last set-up */
 static PetscBool LatinTurnsAlone(Latin latin)
 {
   const LatinStructure structure = latin->sub.structure;
@@ -298,8 +305,13 @@ static PetscBool LatinTurnsAlone(Latin latin)
 }
 
 /*
-   Rebuilds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides alone for new loads,
-   initial elongations and prescribed displacements. Collective on latin
+   Sets latin up after changes:
+
+   - everything, after new options or laws, and for a matrix unless latin->renews;
+   - all operators on the same subdomains and interfaces, if latin->renews, after new search parameters and rotations of the parts of links;
+   - right-hand sides, after new loads, initial elongations and prescribed displacements.
+
+   Collective on latin
 */
 PetscErrorCode LatinSetUp_Private(Latin latin)
 {

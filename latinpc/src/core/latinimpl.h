@@ -1,6 +1,6 @@
 /*
-   The method as one object: options, stages, and the states for which they were set up. Equation numbers are those of the
-   article named in latinpc.h.
+   The method as one object: options, stages, and the states of the structure for which they were set up. Equation numbers are those of the article
+   cited in latinpc.h.
 */
 #ifndef LATINIMPL_H
 #define LATINIMPL_H
@@ -12,7 +12,7 @@
 struct _p_Latin {
   PETSCHEADER(int);
   LatinPartitionRequest partition;
-  LatinVariant          variant; /* option; the variant in use is in inter */
+  LatinVariant          variant; /* option, maybe auto; the variant in use is inter.variant */
   LatinPrecision        precision;
   LatinSubdomains       sub;
   LatinInterfaces       inter;
@@ -23,20 +23,21 @@ struct _p_Latin {
   LatinBatches          batches;
   LatinLocalSolvers     solvers;
   LatinLinear           linear;
-  PetscReal             tuning;       /* factor on the automatic search parameters of rigid links of structure/rigidlaws.c */
-  PetscObjectState      tuning_state; /* of the structure when `tuning` was set */
-  PetscReal             rigid_scale;  /* of those parameters without elastic neighbours; of the loads at the first set-up, until these are far from it */
-  PetscReal             setup_seconds;
+  PetscReal             tuning;        /* factor on the automatic search parameters of rigid links (structure/rigidlaws.c) */
+  PetscObjectState      tuning_state;  /* state of the structure when `tuning` was set */
+  PetscReal             rigid_scale;   /* those of links without elastic neighbours and masses, by loads at a set-up; kept until LatinScaleFar() */
+  PetscReal             setup_seconds; /* time of the last set-up on this rank */
   PetscBool             set_up;
-  PetscBool             tuned;                                             /* search parameters alone are new: subdomains and interfaces stay */
-  PetscBool             renews;                                            /* operators of the next set-up may have the same pattern: keep what depends on the pattern alone */
-  PetscBool             stale;                                             /* options have changed since the set-up */
-  PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure at the last set-up */
+  PetscBool             tuned;                                             /* only search parameters have changed: subdomains and interfaces stay */
+  PetscBool             renews;                                            /* the next set-up is for other values of the same pattern */
+  PetscBool             stale;                                             /* options have changed since the last set-up */
+  PetscObjectState      load_state, e0_state, held_state, structure_state; /* states of the structure at the last set-up */
 };
 
-#define LATIN_PARAMETER_FAR 16.0 /* largest factor of all changes of search parameters together, rigid links alone; of loads over gaps that keep them */
+/* largest ratio, either way, of present search parameters to automatic ones, in structures of rigid links alone; of loads over gaps that keep them */
+#define LATIN_PARAMETER_FAR 16.0
 
-/* Are loads over gaps, of this scale, far from those that a search parameter was made for? */
+/* Whether loads over gaps, of this scale, are far from `made`, those of the search parameters in use */
 static inline PetscBool LatinScaleFar(PetscReal scale, PetscReal made)
 {
   return (PetscBool)(scale > LATIN_PARAMETER_FAR * made || made > LATIN_PARAMETER_FAR * scale);

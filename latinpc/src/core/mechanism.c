@@ -1,17 +1,21 @@
 #include "core/latinimpl.h"
 
 /*
-   Diagnosis of a failed factorisation: the structure has a mechanism, a displacement that changes the length of no link; or its prestress
-   makes it buckle. The matrix of a subdomain has springs on its interfaces and clamped primal dofs: it is singular only if the
-   mechanism is inside that subdomain. The coarse matrix is singular if a mechanism reaches the interfaces.
+   Diagnosis of a failed factorisation: the structure has a mechanism, a displacement that changes the length of no link, or its prestress makes it
+   buckle. The matrix of a subdomain has springs on its interfaces and clamped primal dofs: it is singular only if the mechanism is inside that
+   subdomain. The coarse matrix is singular if a mechanism reaches the interfaces.
+
+   1. The eigenvector of the failed matrix, found by its factorisation, is expanded to displacements of the copies of nodes.
+   2. Of a structure: whether prestress would hold the mechanism, or makes the structure buckle.
+   3. The error names nodes that move, and a cure.
 */
 
-#define LATIN_MOVED_MOST  64   /* most nodes of a rank that are compared for a message */
+#define LATIN_MOVED_MOST  64   /* most nodes of a rank that are collected for a message */
 #define LATIN_MOVED_NAMED 8    /* most nodes in a message */
 #define LATIN_MOVED_PART  0.5  /* least displacement of a node in a message, relative to the largest */
-#define LATIN_DOUBT       1e-3 /* rounding of the greatest stiffness, relative to the least one, above which that one may be lost */
+#define LATIN_DOUBT       1e-3 /* largest rounding of the largest stiffness, relative to the least one, at which this is not lost */
 
-/* Displacements of the copies for an eigenvector of the matrix of a batch, or (batch NULL) of the coarse matrix. The caller frees them */
+/* Creates newfield, [copies][bs] displacements of the eigenvector v of the matrix of a batch, or of the coarse matrix (batch NULL). The caller frees it */
 static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const LatinBatch *batch, PetscReal *newfield[])
 {
   const LatinSubdomains *sub = &latin->sub;
@@ -33,20 +37,20 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
     PetscCall(LatinLinearExpand(&latin->linear, field));
   }
   for (PetscInt i = 0; i < bs * sub->copies; i++)
-    if (sub->fixed[i]) field[i] = 0.0; /* identity rows */
+    if (sub->fixed[i]) field[i] = 0.0; /* their rows are those of the identity */
   PetscFunctionReturn(0);
 }
 
 /*
-   *held: the geometric stiffness of the prestress stabilises the mechanism. field: NULL on ranks without; largest: its largest
-   displacement, 0 if there is no field on any rank: *held if the prestress is tensile on the whole. Collective on latin
+   Finds whether the geometric stiffness of the prestress would hold the mechanism. field: NULL on ranks without; largest: its largest displacement on
+   all ranks, 0 if there is no field: then *held if the prestress is tensile in the mean, a hint only. Collective on latin
 */
 static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *held)
 {
   const LatinSubdomains *sub     = &latin->sub;
   const PetscInt         dim     = sub->dim;
   const PetscBool        found   = (PetscBool)(largest > 0.0);
-  PetscReal              work[2] = {0.0, 0.0}; /* quadratic form of the geometric stiffness, and its rounding; without a field the sum of tension / length is only a hint */
+  PetscReal              work[2] = {0.0, 0.0}; /* quadratic form of the geometric stiffness, or the sum of tension / length; its rounding */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -62,7 +66,8 @@ static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal fi
     }
     if (!(length > 0.0)) continue;
     work[0] += tension / PetscSqrtReal(length) * across;
-    work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0); /* links that do not move turn by the rounding of the field */
+    /* links that do not move turn by the rounding of the field */
+    work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   *held = (PetscBool)(work[0] > work[1]);
@@ -70,13 +75,13 @@ static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal fi
 }
 
 /*
-   *driven: buckling, not a mechanism: parts in compression take part in the field, and its energy is not zero. For frames
-   (structure/frame.c). field: NULL on ranks without. Collective on latin
+   Finds, in a frame (structure/frame.c), whether the structure buckles: parts of negative stiffness take part in the field, whose energy is not zero, as
+   that of a mechanism is. field: NULL on ranks without; largest: its largest displacement on all ranks. Collective on latin
 */
 static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *driven)
 {
   const LatinSubdomains *sub     = &latin->sub;
-  PetscReal              work[4] = {0.0, 0.0, 0.0, 0.0}; /* energy of all parts, of those of negative stiffness; rounding of both */
+  PetscReal              work[4] = {0.0, 0.0, 0.0, 0.0}; /* energy of all parts; of those of negative stiffness, as a positive number; rounding of both */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links && field; l++) {
@@ -92,7 +97,7 @@ static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Raises an error that names some of the nodes that the mechanism moves most; field: NULL on ranks without. Collective on latin */
+/* Raises the error, with some of the nodes that the mechanism moves most. field: NULL on ranks without. Collective on latin */
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[])
 {
   const LatinSubdomains *sub  = &latin->sub;
@@ -118,7 +123,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
-  /* soft links may be lost to the rounding of stiff ones */
+  /* soft links may be lost in the rounding of stiff ones */
   if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
   if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
     PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
@@ -140,8 +145,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
 }
 
 /*
-   Raises the same error on every rank if a factorisation failed on any of them, with the nodes of the mechanism, if any;
-   destroys status->mode. batch: of the failure, NULL for the coarse problem. Collective on latin
+   Raises the same error on all ranks if a factorisation has failed on any of them, with nodes of the mechanism, if any. batch: that of the failed
+   matrix, NULL: the coarse one; name: of the solver. Destroys status->mode. Collective on latin
 */
 PetscErrorCode LatinFactorAgree_Private(Latin latin, LatinFactorStatus *status, const LatinBatch *batch, const char name[])
 {

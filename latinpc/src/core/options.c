@@ -1,7 +1,7 @@
 #include "core/latinimpl.h"
 
 /*
-   Setters of the method, and the options that call them. A changed value makes the next set-up rebuild everything.
+   Setters of the method, and the options that call them. After a change the next set-up rebuilds everything.
 */
 
 const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "primal", "auto", "LatinVariant", "LATIN_VARIANT_", NULL};
@@ -12,7 +12,7 @@ const char *const LatinPrecisions[] = {"double", "single", "auto", "LatinPrecisi
 
 const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPartitioner", "LATIN_PARTITIONER_", NULL};
 
-/* Sets a member, and latin->stale if it changes */
+/* Sets a member; if it changes, latin->stale */
 #define LatinChange(latin, member, value) \
   do { \
     if ((latin)->member != (value)) (latin)->stale = PETSC_TRUE; \
@@ -20,7 +20,7 @@ const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPart
   } while (0)
 
 /*@
-  LatinSetVariant - Interface dofs in the coarse problem: those of weak interfaces, section 4, or all.
+  LatinSetVariant - Sets which interface dofs are in the coarse problem: those of weak interfaces, section 4, or all.
 
   Logically collective on latin; a change makes the next set-up rebuild everything
 
@@ -43,13 +43,13 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 }
 
 /*@
-  LatinSetModes - Macro fields of strong interfaces, section 3.2, and threshold of local low-energy fields.
+  LatinSetModes - Sets the macro fields of strong interfaces, section 3.2, and the threshold of local low-energy fields.
 
   Logically collective on latin
 
   Input Parameters:
 + type      - affine fields, or rigid motions
-- threshold - local low-energy fields with eigenvalues, relative to the search direction, below it are macro; 0: none, PETSC_DEFAULT: automatic
+- threshold - eigenvalue, relative to the search direction, below which local low-energy fields are macro; 0: none, PETSC_DEFAULT: automatic
 
   Options Database Keys:
 + -snes_latin_modes <affine,rigid>    - or -pc_latin_modes, -ksp_latin_modes
@@ -71,7 +71,7 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 }
 
 /*@
-  LatinSetDirection - Micro search direction of the interfaces (26), (27).
+  LatinSetDirection - Sets the micro search direction of the interfaces (26), (27).
 
   Logically collective on latin
 
@@ -104,9 +104,9 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 }
 
 /*@
-  LatinSetPrecision - Precision of the factors of variant primal of SNES latin. A linear stage solves for the increment of
+  LatinSetPrecision - Sets the precision of the factors of variant primal of SNES latin. A linear stage solves for the increment of
   the displacements, and so corrects the rounding errors of the last one (iterative refinement). A factor in single precision
-  takes half the memory and time. The set-up tests its accuracy, and factors in double precision if it is not enough.
+  takes half the memory and time. The set-up tests its accuracy, and factors in double precision if it is too low.
 
   Logically collective on latin
 
@@ -129,7 +129,7 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
 }
 
 /*@
-  LatinSetSubdomains - Number of subdomains of a structure, or into which the pieces of a `MATIS` are merged; 0: automatic.
+  LatinSetSubdomains - Sets the number of subdomains of a structure, or into which the pieces of a `MATIS` are merged; 0: automatic.
 
   Logically collective on latin
 
@@ -155,7 +155,7 @@ PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
 }
 
 /*@
-  LatinSetPartition - Subdomain of each link, in place of METIS.
+  LatinSetPartition - Sets the subdomain of each link, in place of METIS.
 
   Logically collective on latin
 
@@ -185,7 +185,7 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
 }
 
 /*@
-  LatinSetPartitioner - Partitioner of a structure, unless the caller sets a partition.
+  LatinSetPartitioner - Sets the partitioner of a structure, unless the caller sets a partition.
 
   Logically collective on latin
 
@@ -200,8 +200,8 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   Level: advanced
 
   Note:
-  metis gathers all links on one rank. parallel, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, does not move them, and
-  makes connected subdomains. auto: metis on one rank, for few links, and if PETSc has no parallel partitioner.
+  metis gathers all links on one rank. parallel, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, moves no links, and makes
+  connected subdomains. auto is metis on one rank, for few links, and if PETSc has no parallel partitioner; else parallel.
 
 .seealso: `LatinSetSubdomains()`, `LatinSetPartition()`
 @*/
@@ -214,7 +214,7 @@ PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
   PetscFunctionReturn(0);
 }
 
-/* Reads the options of the method, with the prefix of solver. Collective on solver */
+/* Reads the options of the method with the prefix of solver, and sets them in latin. Collective on solver */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
 {
   LatinVariant       variant   = latin->variant;

@@ -1,7 +1,8 @@
 #include "core/latinimpl.h"
 
-/* Getters of the decomposition: sizes, subdomains, classes of nodes, homogenised stiffness, inner solvers. */
+/* Getters of the decomposition: sizes, subdomains, classes of nodes, homogenised stiffnesses, inner solvers. */
 
+/* Checks that latin is set up. Collective on latin */
 PetscErrorCode LatinCheckSetUp_Private(Latin latin)
 {
   PetscFunctionBegin;
@@ -11,7 +12,7 @@ PetscErrorCode LatinCheckSetUp_Private(Latin latin)
 }
 
 /*@C
-  LatinGetStatistics - Sizes of the decomposition, over all ranks.
+  LatinGetStatistics - Gets the sizes of the decomposition, over all ranks.
 
   Collective on latin
 
@@ -25,7 +26,7 @@ PetscErrorCode LatinCheckSetUp_Private(Latin latin)
 . statistics - struct, overwritten
 
   Note:
-  A macro, which passes the size of the caller's struct: programs compiled before members were added remain valid.
+  A macro, which passes the size of the caller's struct: programs compiled before members were added stay valid.
 
   Level: intermediate
 @*/
@@ -70,7 +71,7 @@ PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistic
 }
 
 /*@C
-  LatinGetSubdomains - Number of subdomains of this rank, and the global number of the first one.
+  LatinGetSubdomains - Gets the number of subdomains of this rank, and the global number of the first one.
 
   Not collective
 
@@ -92,6 +93,7 @@ PetscErrorCode LatinGetSubdomains(Latin latin, PetscInt *n_local, PetscInt *firs
   PetscFunctionReturn(0);
 }
 
+/* Checks that this rank has a subdomain i. Not collective */
 static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
 {
   PetscFunctionBegin;
@@ -101,7 +103,7 @@ static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
 }
 
 /*@C
-  LatinGetSubdomainIS - Free degrees of freedom of a subdomain of this rank, as entries of DM global vectors, increasing.
+  LatinGetSubdomainIS - Gets the free degrees of freedom of a subdomain of this rank, as entries of DM global vectors, increasing.
 
   Not collective; the caller destroys the index set
 
@@ -133,7 +135,7 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 }
 
 /*@C
-  LatinGetSubdomainOfLinks - Subdomain of each link that this rank created, in the caller's order.
+  LatinGetSubdomainOfLinks - Gets the subdomain of each link that this rank created, in the caller's order.
 
   Not collective
 
@@ -157,7 +159,7 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 }
 
 /*@C
-  LatinGetNodeClasses - Class of each node that this rank created, or of each row of a matrix here: 0 inside a subdomain, 1 on strong
+  LatinGetNodeClasses - Gets the class of each node that this rank created, or of each row of a matrix here: 0 inside a subdomain, 1 on strong
   interfaces only, 2 on a weak interface, 3 primal (a corner, or a macro weak interface).
 
   Collective on latin
@@ -180,7 +182,7 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 }
 
 /*@C
-  LatinGetMacroStiffness - Homogenised stiffness (29), (51) of subdomain i of this rank, a dense matrix: macro modes of the
+  LatinGetMacroStiffness - Gets the homogenised stiffness (29), (51) of subdomain i of this rank, a dense matrix: macro modes of the
   strong interfaces first, then primal displacements.
 
   Not collective; the caller destroys the matrix
@@ -215,7 +217,7 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 }
 
 /*@C
-  LatinGetLocalKSP - Solver of subdomain i of this rank; equal subdomains share one. NULL with a dense inverse, as in coarse problems of substructures.
+  LatinGetLocalKSP - Gets the solver of subdomain i of this rank; equal subdomains share one. NULL with a dense inverse, as in coarse problems of substructures.
 
   Not collective; the reference is borrowed
 
@@ -229,7 +231,7 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
   Level: advanced
 
   Note:
-  If the method uses its factor alone, the matrix has no values until this call computes them, after each set-up.
+  If the method needs only its factor, the matrix has no values until this call computes them; call it after each set-up.
 @*/
 PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 {
@@ -246,7 +248,7 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 }
 
 /*@C
-  LatinGetCoarseKSP - Solver of the coarse problem; NULL if there is no interface.
+  LatinGetCoarseKSP - Gets the solver of the coarse problem; NULL if there is no interface.
 
   Not collective; the reference is borrowed
 

@@ -1,10 +1,11 @@
 #include "core/latinimpl.h"
 
 /*
-   Common part of the PC, the KSP and the SNES of type latin: prefix, structure, coordinates, and the problem behind the matrix of a PC
-   or a KSP.
+   Common part of the PC, the KSP and the SNES of type latin: check of the type, prefix, structure, coordinates, and set-up for the matrix of a PC or a
+   KSP.
 */
 
+/* Checks that solver is of type latin. Collective on solver */
 PetscErrorCode LatinCheckType_Private(PetscObject solver)
 {
   PetscBool is;
@@ -15,7 +16,7 @@ PetscErrorCode LatinCheckType_Private(PetscObject solver)
   PetscFunctionReturn(0);
 }
 
-/* Options database and prefix: -<prefix>pc_latin_, ksp_latin_ or snes_latin_ */
+/* Sets options database and prefix of latin to those of solver; appends pc_latin_, ksp_latin_ or snes_latin_ */
 PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
 {
   PetscFunctionBegin;
@@ -25,7 +26,7 @@ PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
   PetscFunctionReturn(0);
 }
 
-/* Attaches a structure to a PC or a KSP, which replaces that behind its matrix; latin: NULL if solver is not of type latin yet. Collective on solver */
+/* Attaches a structure to a PC or a KSP, in place of that of its matrix. latin: NULL if solver is not of type latin. Collective on solver */
 PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructure structure)
 {
   PetscObject before;
@@ -39,14 +40,14 @@ PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructu
   PetscFunctionReturn(0);
 }
 
-/* PCSetCoordinates() of a PC latin, or of the PC of a KSP latin: composes the coordinates of nodes on the PC */
+/* PCSetCoordinates() of a PC latin, or of the PC of a KSP latin: composes the coordinates x, [nodes][dim], on the PC. Collective on pc */
 PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
 {
   Vec          v;
   PetscScalar *a;
 
   PetscFunctionBegin;
-  if (!dim) PetscFunctionReturn(0); /* PCFIELDSPLIT has none for its fields */
+  if (!dim) PetscFunctionReturn(0); /* PCFIELDSPLIT passes none to its fields */
   PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
   PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)pc), dim * nodes, PETSC_DETERMINE, &v));
   PetscCall(VecSetBlockSize(v, dim));
@@ -60,8 +61,8 @@ PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, 
 }
 
 /*
-   Sets latin up for the matrix of a PC or a KSP: the tangent stiffness of a structure, which is attached to the solver,
-   to its DM (NULL: none) or to that of the matrix; or a MATIS. The solver must have reset latin. Collective on solver
+   Sets latin up for the matrix of pc, the PC itself or that of the KSP `solver`: the tangent stiffness of a structure, attached to solver, to dm (its DM,
+   or NULL) or to the DM of the matrix; else a MATIS. Unless latin->renews, solver has reset latin. Collective on solver
 */
 PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc, DM dm)
 {

@@ -2,7 +2,7 @@
 
 /* View of the method, by -snes_view, -ksp_view and -pc_view. */
 
-/* Views the last local solver of the first rank, and the coarse solver */
+/* Views the last local solver of the first rank, and the coarse solver. Collective on viewer */
 static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistics *stats, PetscViewer viewer)
 {
   PetscViewer sub;
@@ -33,7 +33,7 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscFunctionReturn(0);
 }
 
-/* Prints predicted and measured cost */
+/* Prints predicted and measured cost. Collective on viewer */
 static PetscErrorCode LatinViewCost_Private(Latin latin, PetscViewer viewer)
 {
   LatinCost cost;
