@@ -1,37 +1,38 @@
 #include "cases/latincases.h"
 
 /*
-   Nonlinear preconditioned conjugate gradients (J. W. Daniel 1967) for the energy of a structure of bars, cables and compression-only
-   links, which is convex and piecewise quadratic. Preconditioner: the factor of the stiffness K with all links taut, w = K^-1 r.
-   Directions are conjugate under the current tangent stiffness; the step is Newton's in the plane of w and the last direction.
-   Without slack links the first step is the solution. Once links no longer change between taut and slack, this is the CG of
-   Newton's method without restarts.
+   Nonlinear preconditioned conjugate gradients (J. W. Daniel 1967) for the energy of bars, cables and compression-only links, which is convex and piecewise
+   quadratic. Preconditioner: the factor of the stiffness with all links taut. A stage of all lanes:
 
-   A case is solved when the residual r is small relative to loads and tensions, and so are the errors of displacements and
-   tensions. The error is estimated by the correction (w.r / w.K w) w with the tangent stiffness (snes/correction.c), divided by
-   1 - q: the sum of the corrections to come at the slowest rate q of their energy so far. As w is computed anyway, the
-   estimate takes no stage of its own. Cases that are not solved so are left to the caller.
+   1. The residual r = F - B^t tau at u, and the preconditioned residual w.
+   2. With the tangent stiffness K at u, the errors are estimated by the correction (w.r / w.K w) w (snes/correction.c), divided by 1 - q: the sum of the
+      corrections to come, at the slowest rate q of their energy norm so far. As w is computed anyway, this takes no stage of its own. A case is solved
+      when these errors of displacements and tensions are small, and r relative to loads and tensions.
+   3. Newton's step in the plane of w and the last direction, by directions that are conjugate under K.
+
+   Without slack links the first step is the solution. Once no link changes between taut and slack, this is the CG of Newton's method without restarts.
+   The caller solves the cases that fail here by other methods.
 */
 
-#define LATIN_CASE_SAFETY 16.0 /* safety factor of the error estimate, in which soft modes are underestimated */
-#define LATIN_CASE_PAST   4    /* fewest stages over which a rate of convergence is measured */
-#define LATIN_CASE_RATE   0.98 /* largest rate */
+#define LATIN_CASE_SAFETY 16.0 /* safety factor of the error estimate, which underestimates soft modes */
+#define LATIN_CASE_PAST   4    /* least number of stages over which a rate of convergence is measured */
+#define LATIN_CASE_RATE   0.98 /* largest rate q, and that after the first stage */
 
 typedef struct {
   LatinStructure structure;
   LatinCaseLanes lanes;
-  PetscInt      *place;                   /* [nodes][dim] row of each component */
-  PetscInt      *link;                    /* [links] number in the structure of each link of the lanes */
-  PetscReal      loads[LATIN_CASE_LANES]; /* norm of the loads */
-  PetscReal     *pushed;                  /* [most stages + 1][lanes] w.r of each stage, divided by the square of scale */
+  PetscInt      *place;                   /* [nodes][dim] row of each displacement component */
+  PetscInt      *link;                    /* [links] of each link of the lanes, its number in the structure */
+  PetscReal      loads[LATIN_CASE_LANES]; /* l2 norm of the loads */
+  PetscReal     *pushed;                  /* [most stages + 1][lanes] w.r of each stage, over scale squared */
   LatinCase     *one[LATIN_CASE_LANES];   /* case of each lane, NULL: empty */
-  Mat            K, F;
+  Mat            K, F;                    /* stiffness with all links taut, its factor */
   KSP            ksp;
 } LatinCases;
 
 /* ---- data common to all cases ---- */
 
-/* Factors the stiffness with all links taut; *fails: no usable factor */
+/* Factors the stiffness with all links taut. *fails: no usable factor */
 static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fails)
 {
   LatinFactorStatus status = {.rounding = 0.0};
@@ -42,7 +43,7 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscCall(DMCreateMatrix(cases->structure->dm, &cases->K));
   PetscCall(MatConvert(cases->K, MATAIJ, MAT_INPLACE_MATRIX, &cases->K)); /* overrides -dm_mat_type */
   PetscCall(MatGetFactorAvailable(cases->K, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &ours));
-  *fails = (PetscBool)!ours; /* other packages do not solve for lanes */
+  *fails = (PetscBool)!ours; /* factors of other packages do not solve for lanes */
   if (*fails) PetscFunctionReturn(0);
   PetscCall(LatinStructureAssemble_Private(cases->structure, cases->structure->stiffness, cases->K));
   PetscCall(MatSetOption(cases->K, MAT_SPD, PETSC_TRUE));
@@ -59,7 +60,7 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscFunctionReturn(0);
 }
 
-/* place[]: row of each displacement component: free ones in the order of the factor, then prescribed ones */
+/* Computes place, the rows: free components in the order of the factor, then prescribed ones */
 static PetscErrorCode LatinCasesRows_Private(LatinCases *cases)
 {
   const LatinStructure structure = cases->structure;
@@ -77,7 +78,7 @@ static PetscErrorCode LatinCasesRows_Private(LatinCases *cases)
   PetscFunctionReturn(0);
 }
 
-/* The links of the lanes, sorted by the first of their rows */
+/* Sets the links of the lanes, sorted by the first of their rows */
 static PetscErrorCode LatinCasesLinks_Private(LatinCases *cases)
 {
   const LatinStructure structure = cases->structure;
@@ -123,7 +124,7 @@ static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
   PetscFunctionReturn(0);
 }
 
-/* *fails: no usable factor; the caller destroys the cases all the same */
+/* Creates what all cases share. *fails: no usable factor; the caller destroys the cases all the same */
 static PetscErrorCode LatinCasesCreate_Private(LatinStructure structure, PetscInt most, LatinCases *cases, PetscBool *fails)
 {
   LatinCaseLanes *lanes = &cases->lanes;
@@ -158,9 +159,9 @@ static PetscErrorCode LatinCasesDestroy_Private(LatinCases *cases)
   PetscFunctionReturn(0);
 }
 
-/* ---- a lane ---- */
+/* ---- a lane, w ---- */
 
-/* Starts a case in lane w: its actions, displacements zero but for prescribed ones; NULL: empties the lane */
+/* Starts a case in a lane, from displacements zero where they are free; one NULL: empties the lane */
 static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 {
   const LatinStructure structure = cases->structure;
@@ -176,7 +177,7 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 
     lanes->load[at] = one && free ? structure->force[i] + (one->load ? one->load[i] : 0.0) : 0.0;
     lanes->u[at]    = one && !free ? structure->prescribed[i] + (one->prescribed ? one->prescribed[i] : 0.0) : 0.0;
-    if (fails) lanes->p[at] = 0.0; /* may be NaN; otherwise the first step ignores it */
+    if (fails) lanes->p[at] = 0.0; /* may be NaN; other values do not matter, as beta is 0 in the first step */
     sum += PetscSqr(lanes->load[at]);
     most = PetscMax(most, PetscAbsReal(lanes->load[at]));
   }
@@ -185,10 +186,10 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 
     lanes->e0[LATIN_CASE_LANES * (size_t)k + (size_t)w] = one ? structure->e0[l] + (one->e0 ? one->e0[l] : 0.0) : 0.0;
   }
-  cases->loads[w] = most > 0.0 && most < LATIN_LEAST ? INFINITY : PetscSqrtReal(sum); /* no norm sees them: not solved here */
+  cases->loads[w] = most > 0.0 && most < LATIN_LEAST ? INFINITY : PetscSqrtReal(sum); /* INFINITY: squares of the loads underflow; not solved here */
 }
 
-/* Copies displacements and tensions of a lane to its case; are displacements larger than `far`? */
+/* Copies displacements and tensions of a lane to its case. Returns whether free displacements are larger than `far` */
 static PetscBool LatinCasesGive(const LatinCases *cases, PetscInt w, PetscReal far)
 {
   const LatinStructure  structure = cases->structure;
@@ -213,7 +214,7 @@ static PetscBool LatinCasesGive(const LatinCases *cases, PetscInt w, PetscReal f
 
 /* ---- a stage ---- */
 
-/* The slowest rate of convergence of the corrections of a lane in the energy norm, over any LATIN_CASE_PAST stages or more that end with the last one */
+/* Returns the slowest rate of convergence of a lane's corrections in the energy norm, over LATIN_CASE_PAST or more stages that end with the last one */
 static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
 {
   const PetscInt   last = cases->one[w]->stages - 1, first = PetscMin(last, LATIN_CASE_PAST);
@@ -224,7 +225,7 @@ static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
   return last ? PetscMin(rate, LATIN_CASE_RATE) : LATIN_CASE_RATE;
 }
 
-/* Is the case of a lane solved? Sets its error estimates */
+/* Whether the case of a lane is solved. Sets its error estimates */
 static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *goal, PetscInt w)
 {
   const LatinCaseLanes *lanes = &cases->lanes;
@@ -246,15 +247,15 @@ static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *
 }
 
 /*
-   The next step of a lane, alpha (w + beta p): w is made conjugate to p under the tangent stiffness; a step along p is added if r has
-   a component there, after links have changed. If this is no descent direction, the step is along w, which always is
+   Sets the step of a lane, alpha (w + beta p): w is made conjugate to p under the tangent stiffness; a step along p is added if r has a component there,
+   as after links have changed. If this is not a descent direction, the step is along w, which always is
 */
 static void LatinCasesStep(LatinCaseLanes *lanes, PetscInt w, PetscBool first)
 {
   const PetscReal old = lanes->pkp[w] > 0.0 && !first ? lanes->wkp[w] / lanes->pkp[w] : 0.0, bend = lanes->wkw[w] - old * lanes->wkp[w], pushed = lanes->rw[w] - old * lanes->rp[w];
 
   if (first || !(pushed > 0.0) || !(bend > 0.0)) {
-    lanes->alpha[w] = first ? 1.0 : lanes->rw[w] / lanes->wkw[w]; /* first step: no link may be taut yet */
+    lanes->alpha[w] = first ? 1.0 : lanes->rw[w] / lanes->wkw[w]; /* first step: 1, as no link may be taut yet */
     lanes->beta[w]  = 0.0;
     return;
   }
@@ -262,7 +263,7 @@ static void LatinCasesStep(LatinCaseLanes *lanes, PetscInt w, PetscBool first)
   lanes->beta[w]  = -old + (lanes->pkp[w] > 0.0 ? lanes->rp[w] / lanes->pkp[w] / lanes->alpha[w] : 0.0);
 }
 
-/* Decides after the sweeps of a stage: the step of each lane; ends[w]: its case is solved or given up */
+/* Sets the step of each lane after the sweeps of a stage; ends[w]: its case is solved or given up, with stages -1 */
 static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, PetscBool ends[])
 {
   LatinCaseLanes *lanes = &cases->lanes;
@@ -287,7 +288,7 @@ static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, Petsc
   }
 }
 
-/* One stage of all lanes; ends[w]: the case of this lane has ended */
+/* Takes one stage of all lanes; ends[w]: the case of this lane has ended */
 static PetscErrorCode LatinCasesStage_Private(LatinCases *cases, const LatinCaseGoal *goal, PetscBool ends[])
 {
   LatinCaseLanes *lanes = &cases->lanes;
@@ -308,8 +309,8 @@ static PetscErrorCode LatinCasesStage_Private(LatinCases *cases, const LatinCase
 }
 
 /*
-   Solves n cases of a structure that is set up on one rank, of bars, cables and compression-only links with constant directions. An
-   unsolved case has negative stages and undefined results
+   Solves n cases of a structure on one rank, which is set up and has bars, cables and compression-only links of fixed directions alone. A case that is
+   not solved has negative stages and undefined results
 */
 PetscErrorCode LatinCasesSolve_Private(LatinStructure structure, const LatinCaseGoal *goal, PetscInt n, LatinCase one[])
 {

@@ -2,9 +2,13 @@
 #include "cases/latincases.h"
 
 /*
-   The sweeps of a stage over links and rows. Lanes are those of vector instructions; link data is read once for all lanes. dim is a
-   compile-time constant in the callers, so that loops unroll. Displacements and forces are in double precision; solutions of the
-   factor, which is rounded to single precision, are stored in single.
+   The sweeps of a stage over links and rows, for all lanes. dim is a compile-time constant in the callers, so that loops unroll. Displacements and forces
+   are in double precision; w and p, solutions of a factor in single precision, are in single.
+
+   1. LatinCasesForces(): residuals r at u.
+   2. LatinCasesRound(): right-hand sides of the solve for w, which follows (cases/cases.c).
+   3. LatinCasesResistance(): products of w and p with the tangent stiffness.
+   4. LatinCasesMove(): the step.
 */
 
 typedef PetscReal Lanes __attribute__((vector_size(LATIN_CASE_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
@@ -26,7 +30,7 @@ LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim
     Lanes           x   = e0[l], t;
 
     for (PetscInt c = 0; c < dim; c++) x += n[c] * (u[row[dim + c]] - u[row[c]]);
-    /* t = taut ? k : 0 from the sign bit: comparisons of vectors longer than registers become loops */
+    /* t = taut ? k : 0, by the sign bit: compilers turn comparisons of vectors longer than registers into loops */
     t          = k * (Lanes)((Bits)one & ((Bits)(least - sign * x) >> (8 * sizeof(PetscReal) - 1)));
     tangent[l] = __builtin_convertvector(t, Short);
     x *= t;
@@ -39,7 +43,7 @@ LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim
   *(Lanes *)lanes->all = all;
 }
 
-/* r = load - B^t tau of the displacements u; tangent stiffnesses; squares of the tensions */
+/* Computes r = load - B^t tau and tangent stiffnesses at u; all: squared tensions */
 LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
 {
   memcpy(lanes->r, lanes->load, LATIN_CASE_LANES * (size_t)lanes->rows * sizeof(*lanes->r));
@@ -48,7 +52,7 @@ LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
   else LatinCasesForces_Dim(lanes, 1);
 }
 
-/* w = r / scale; sums r.r and r.p */
+/* Computes w = r / scale, for the solve; rr, rp */
 LATIN_CLONES void LatinCasesRound(LatinCaseLanes *lanes)
 {
   const Lanes  part = 1.0 / *(const Lanes *)lanes->scale, *r = (const Lanes *)lanes->r;
@@ -96,7 +100,7 @@ LATIN_INLINE void LatinCasesResistance_Dim(LatinCaseLanes *lanes, const PetscInt
   *(Lanes *)lanes->tension = tension;
 }
 
-/* w.K w, w.K p, p.K p with the tangent stiffness, and squares of the tensions of w */
+/* Computes w.K w, w.K p, p.K p with the tangent stiffness K; tension: squared tensions of w */
 LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
 {
   if (lanes->dim == 3) LatinCasesResistance_Dim(lanes, 3);
@@ -104,7 +108,7 @@ LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
   else LatinCasesResistance_Dim(lanes, 1);
 }
 
-/* p = w + beta p, u += alpha p; squares of u */
+/* Takes the step: p = w + beta p, u += alpha scale p; uu */
 LATIN_CLONES void LatinCasesMove(LatinCaseLanes *lanes)
 {
   const Lanes step = *(const Lanes *)lanes->alpha * *(const Lanes *)lanes->scale;
