@@ -2,8 +2,8 @@
 #include <latinpc.h>
 
 /*
-   What the Fortran module (packaging/latinpc.F90.in) needs beside the functions of latinpc.h: a communicator of Fortran, and no memory
-   that only C can free.
+   Functions of the Fortran module (packaging/latinpc.F90.in) in place of those of latinpc.h: with a communicator of Fortran; without memory that only C
+   can free.
 */
 
 PETSC_EXTERN PetscErrorCode LatinStructureCreateFortran(MPI_Fint, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *);
@@ -16,7 +16,7 @@ PetscErrorCode LatinStructureCreateFortran(MPI_Fint comm, PetscInt dim, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* The note of the caller is left out */
+/* LatinStateLoad() without the note of the caller */
 PetscErrorCode LatinStateLoadFortran(PetscObject solver, Vec u, const char file[])
 {
   PetscInt n;

@@ -5,17 +5,15 @@
 #include <unistd.h>
 
 /*
-   Atomic replacement of a file once all of the new one is on disk; latinpc/results/atomic.py does the same for results. The new file
-   is written in the same folder under a fixed temporary name, so that the next state overwrites what a killed run left. A
-   file lock, which the system removes from killed runs, excludes other runs.
-
-   No function is collective.
+   Atomic replacement of a file once all of the new one is on disk; latinpc/results/atomic.py does the same for results. The new file is written in the
+   same folder under a fixed temporary name: the next run overwrites the rest that a killed run leaves. A file lock, which the system removes from killed
+   runs, excludes other runs. No function is collective.
 */
 
 #define LATIN_FILE_LINKS 40  /* most symbolic links followed, as in Linux */
-#define LATIN_FILE_NAME  200 /* most letters of the name in the temporary one: file systems allow 255 */
+#define LATIN_FILE_NAME  200 /* most letters of the name in the temporary name; file systems allow 255 */
 
-/* The reason why a file cannot be read or replaced, NULL: it can; *mode: its mode, 0: no such file. To open a named pipe would block */
+/* Returns why a file cannot be read or replaced, NULL: it can; *mode: its mode, 0: no such file. Opens nothing: opening a named pipe would block */
 const char *LatinFileRefused(const char file[], mode_t *mode)
 {
   struct stat found;
@@ -32,7 +30,7 @@ const char *LatinFileRefused(const char file[], mode_t *mode)
   return "it is a device, not a regular file; give another name";
 }
 
-/* target: the name that symbolic links lead to, of an existing file or not */
+/* Sets target to the name that symbolic links lead to, whether or not that file exists */
 static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PETSC_MAX_PATH_LEN])
 {
   char    to[PETSC_MAX_PATH_LEN];
@@ -52,7 +50,7 @@ static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PET
   PetscFunctionReturn(0);
 }
 
-/* Opens and locks the new file, with the mode of the older one, or by the umask. -1: error in errno */
+/* Opens, locks and empties the new file, with the mode of the older one, or by the umask. Returns its descriptor; -1: error in errno */
 static int LatinFileOpen_Private(const LatinFile *out)
 {
   const int   fd = open(out->temporary, O_CREAT | O_RDWR | O_NOFOLLOW | O_NONBLOCK, out->mode ? 0600 | (out->mode & 0777) : 0666);
@@ -60,14 +58,14 @@ static int LatinFileOpen_Private(const LatinFile *out)
 
   if (fd < 0) return fd;
   if (!fstat(fd, &mine) && !S_ISREG(mine.st_mode)) errno = EEXIST;
-  else if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) errno = EBUSY;         /* file systems without locks are accepted */
+  else if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) errno = EBUSY;         /* file systems without locks: unlocked */
   else if (lstat(out->temporary, &there) || mine.st_ino != there.st_ino) errno = EBUSY; /* another run has just renamed it */
   else if (!ftruncate(fd, 0)) return fd;
   (void)close(fd);
   return -1;
 }
 
-/* Opens the new file; out->stream must be NULL on entry */
+/* Opens the new file: sets all members of out; out->stream must be NULL on entry */
 PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *out)
 {
   const char *why = LatinFileRefused(file, &out->mode), *name;
@@ -88,7 +86,7 @@ PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *out)
   PetscFunctionReturn(0);
 }
 
-/* Renames the new file to its final name if all of it was written; otherwise, or after an error, removes it */
+/* Closes the new file: renames it to its final name if all of it was written; else, or after an error, removes it */
 PetscErrorCode LatinFileEnd_Private(LatinFile *out, PetscBool written)
 {
   PetscBool done = written;

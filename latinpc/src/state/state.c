@@ -5,14 +5,16 @@
 
 /*
    The state from which another run continues to the bit:
+
      displacements;
-     of a motion: velocities, time, strains at the start of the last step;
-     of SNES latin, for a warm start: fixed-point unknowns of the last two solves, displacements and search direction forces that
-     linear stages increment, tensions of rigid links; with large rotations operators, multipliers and the end of the last path.
+     of a motion: velocities, time, displacements of the last step, strains at its start, supports; with large displacements the links at its start;
+     of SNES latin, for a warm start: fixed-point unknowns of the last two solves; displacements, forces of search directions and tensions that linear
+     stages increment; tensions of rigid links; with large rotations operators, in statics also multipliers and the end of the last path.
+
    All other data is computed from the structure and the options.
 */
 
-/* Adds a vector as an item */
+/* Adds a vector as an item, by reference. Not collective */
 static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[], Vec v)
 {
   PetscFunctionBegin;
@@ -23,7 +25,7 @@ static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[]
   PetscFunctionReturn(0);
 }
 
-/* Adds an array of this rank as an item, `width` numbers a row, without a copy. Collective on state->snes */
+/* Adds this rank's array x, [n], as an item without copying it; width: entries of a row of the dataset. Collective on state->snes */
 static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char name[], PetscInt width, PetscInt n, const PetscReal x[])
 {
   Vec v;
@@ -35,13 +37,13 @@ static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char n
   PetscFunctionReturn(0);
 }
 
-/* Adds the operators of links with large rotations, which come from an earlier solve. Collective on frame */
+/* Adds operators, multipliers and path of a frame, which come from earlier solves. Collective on frame */
 static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure frame)
 {
   const LatinLarge *large = &((SNES_Latin *)state->snes->data)->large;
 
   PetscFunctionBegin;
-  if (frame->turns->geometry != LATIN_GEOMETRY_PRESTRESS) { /* whose operators are those of the prestress that the structure now has */
+  if (frame->turns->geometry != LATIN_GEOMETRY_PRESTRESS) { /* prestress: operators follow from the structure */
     PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
     PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, frame->part ? LATIN_PART * frame->links_local : 0, frame->part));
     PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
@@ -63,7 +65,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
 
     PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
     PetscCall(LatinStateAdd_Private(state, "increment", data->w));
-    PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* the tensions of the step depend on them */
+    PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* strains at its start */
     PetscCall(LatinStateAddArray_Private(state, "support", data->step->dim, data->step->dim * data->step->nodes_local, data->step->held));
     PetscCall(LatinStateAddArray_Private(state, "support_increment", data->step->dim, data->step->dim * data->step->nodes_local, data->step->prescribed));
     if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
@@ -86,7 +88,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
   PetscFunctionReturn(0);
 }
 
-/* Adds items for users who open the HDF5 file, in the numbering of the structure; they are never read. The caller frees *room. Collective on state->snes */
+/* Adds items for users who open the HDF5 file, in the caller's numbering, and the note; they are not read. The caller frees *room. Collective on state->snes */
 static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, const char note[], PetscReal **room)
 {
   const LatinStructure structure = state->structure;
@@ -119,7 +121,7 @@ static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, 
   PetscFunctionReturn(0);
 }
 
-/* Adds the points of the tables that links here have to a hash: another program may give their numbers to others */
+/* Adds the points of the tables of links here to a hash: numbers of laws may differ in another program. Not collective */
 static PetscErrorCode LatinStateTables_Private(const LatinStructure structure, uint64_t *hash)
 {
   PetscBool *used;
@@ -139,7 +141,10 @@ static PetscErrorCode LatinStateTables_Private(const LatinStructure structure, u
   PetscFunctionReturn(0);
 }
 
-/* *all: hash of the structure, partition, interfaces and search direction; not of loads and initial elongations, which may change between solves. Collective on state->snes */
+/*
+   Computes a hash of structure, partition, interfaces and search direction, not of loads and initial elongations, which may change. Collective on
+   state->snes
+*/
 static PetscErrorCode LatinStateStructure_Private(const LatinState *state, double *all)
 {
   const LatinStructure structure = state->structure;
@@ -165,14 +170,15 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
     hash = LatinStateHash(hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
     hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
     hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
-    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d); /* not with large rotations, which change it */
+    /* large rotations change the search direction */
+    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
   *all = (double)hash;
   PetscFunctionReturn(0);
 }
 
-/* Finds the SNES, the TS, the solution and the structure of a solver. Collective on solver */
+/* Finds the SNES, the TS, the solution and the structure of a SNES, with its solution u, or of a TS. Collective on solver */
 static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinState *state)
 {
   MPI_Comm  comm = PetscObjectComm(solver);
@@ -201,7 +207,7 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
   PetscFunctionReturn(0);
 }
 
-/* Hash of the initial elongations here. Not collective */
+/* Returns the hash of the initial elongations of this rank. Not collective */
 static PetscReal LatinStateElongations(const LatinStructure structure)
 {
   return (PetscReal)LatinStateHash(0, (size_t)structure->links_local * sizeof(PetscReal), structure->e0);
@@ -256,8 +262,8 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
 }
 
 /*
-   Sets up the operators that have been read. In statics this allocates new arrays: all items are read again. Where initial elongations have
-   changed since, the next solve makes operators anew, as without a state. Collective on state->snes
+   Sets up the operators of a frame that have been read. In statics this allocates new arrays: all items are read again. If initial elongations have
+   changed since, the next solve recomputes the operators, as without a state. Collective on state->snes
 */
 static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char file[], const LatinStateHead *head)
 {
@@ -269,7 +275,7 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));
   if (state->ts) PetscFunctionReturn(0);
   frame->made = (LatinFrameType)state->kind[0];
-  if (frame->part) PetscCall(LatinFrameSprings_Private(frame, PETSC_FALSE)); /* strains of the parts in this frame */
+  if (frame->part) PetscCall(LatinFrameSprings_Private(frame, PETSC_FALSE)); /* initial elongations of the parts */
   PetscCall(LatinSetUp_Private(data->latin));
   state->items = 0;
   PetscCall(LatinStateItems_Private(state));
@@ -300,7 +306,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
   if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
-  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* restores the search parameters of rigid links before operators are built */
+  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* search parameters of rigid links, before operators are built */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0) PetscCall(LatinParameterRestore_Private(snes->latin, (PetscReal)head.tuning, (PetscReal)head.rigid_scale));
   }
@@ -340,7 +346,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   Level: intermediate
 
   Note:
-  Loads, initial elongations and prescribed displacements are not written, as the caller has them; the positions of supports in a
+  Loads, initial elongations and prescribed displacements are not written, as the caller sets them; positions of supports in a
   motion are. A symbolic link is followed: its target is replaced. Raises an error on all ranks, and changes no file, if the
   name is that of a folder, a named pipe, a socket or a device, if its folder does not exist or is not writable, if the disk is
   full, or while another run writes the same state.
@@ -373,7 +379,7 @@ PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], Pets
   Level: intermediate
 
   Note:
-  With a warm start, the next solve of SNES latin continues from the state. The next step of the TS follows the saved one.
+  With a warm start, the next solve of SNES latin continues from the state. A TS continues after the saved step.
 
 .seealso: `LatinStateSave()`, `SNESLatinSetWarmStart()`
 @*/

@@ -5,8 +5,8 @@
 #include <errno.h>
 
 /*
-   The file of a state: a header of 512 bytes of text with a checksum of all bytes; the items, as a PETSc viewer writes them, in its
-   binary format or in HDF5 (which finds its superblock at offset 512); the note of the caller.
+   The file of a state: a header of 512 bytes of text, with a checksum of all bytes; the items, as a PETSc viewer writes them, in its binary format or in
+   HDF5 (which finds its superblock at offset 512); the note of the caller.
 
    Only the first rank reads and writes; its errors are raised on all ranks.
 */
@@ -19,6 +19,7 @@
 static const char *const LatinStateNames[] = {"latinpc_state", "integer_bytes", "real_bytes", "ranks", "motion", "structure", "note_bytes", "time", "time_step", "shift", "tuning", "rigid_scale", "steps", "started", "solutions", "hdf5", "sum"};
 #define LATIN_STATE_LINES ((int)PETSC_STATIC_ARRAY_LENGTH(LatinStateNames))
 
+/* Prints a header */
 static void LatinStatePrint(const LatinStateHead *head, char text[LATIN_STATE_HEAD])
 {
   const double *value = (const double *)head;
@@ -42,7 +43,7 @@ static int LatinStateScan(const char *text, LatinStateHead *head)
   return LATIN_STATE_LINES;
 }
 
-/* The checksum of the header and of all bytes after it */
+/* Returns the checksum of the header, with sum 0, and of all bytes after it */
 static double LatinStateSum(FILE *stream, const LatinStateHead *head)
 {
   LatinStateHead whole = *head;
@@ -58,8 +59,8 @@ static double LatinStateSum(FILE *stream, const LatinStateHead *head)
 }
 
 /*
-   HDF5 writes to a file in memory, which is written to disk here. HDF5 cannot close a file after a write error: on a full disk
-   the program would crash at its end.
+   Opens an HDF5 file in memory, for writing or with the content of `file` for reading. LatinHDF5Write_Private() writes it to disk: HDF5 cannot close a
+   file after a write error, so on a full disk the program would crash at its end.
 */
 static PetscErrorCode LatinHDF5Open_Private(PetscViewer viewer, const char file[], const LatinStateHead *head, PetscBool load)
 {
@@ -75,7 +76,8 @@ static PetscErrorCode LatinHDF5Open_Private(PetscViewer viewer, const char file[
   PetscCheck(id >= 0, PETSC_COMM_SELF, PETSC_ERR_LIB, "HDF5 cannot open it");
   ((PetscViewer_HDF5 *)viewer->data)->file_id = id;
   if (load) PetscFunctionReturn(0);
-  for (int i = 0; i < LATIN_STATE_LINES - 2; i++) PetscCall(PetscViewerHDF5WriteAttribute(viewer, "/", LatinStateNames[i], PETSC_DOUBLE, &value[i])); /* not the last two, of the file itself */
+  /* all but hdf5 and sum */
+  for (int i = 0; i < LATIN_STATE_LINES - 2; i++) PetscCall(PetscViewerHDF5WriteAttribute(viewer, "/", LatinStateNames[i], PETSC_DOUBLE, &value[i]));
   PetscCall(PetscViewerHDF5WriteGroup(viewer, "/nodes"));
   PetscCall(PetscViewerHDF5WriteGroup(viewer, "/links"));
   PetscFunctionReturn(0);
@@ -84,6 +86,7 @@ static PetscErrorCode LatinHDF5Open_Private(PetscViewer viewer, const char file[
 #endif
 }
 
+/* Writes the HDF5 file in memory to disk, behind the header. Not collective */
 static PetscErrorCode LatinHDF5Write_Private(PetscViewer viewer, const char file[])
 {
 #if defined(LATIN_HDF5)
@@ -108,12 +111,13 @@ static PetscErrorCode LatinHDF5Write_Private(PetscViewer viewer, const char file
 #endif
 }
 
+/* Opens a viewer for the items: of a new file, or to read, behind the header. Not collective */
 static PetscErrorCode LatinStateOpen_Private(const char file[], const LatinStateHead *head, PetscBool load, PetscViewer *viewer)
 {
   char room[LATIN_STATE_HEAD] = "";
 
   PetscFunctionBegin;
-  PetscCall(PetscViewerCreate(PETSC_COMM_SELF, viewer)); /* ignores its options: -viewer_hdf5_sp_output would drop bits */
+  PetscCall(PetscViewerCreate(PETSC_COMM_SELF, viewer)); /* options are not read: -viewer_hdf5_sp_output would drop bits */
   if (head->hdf5 != 0.0) {
     PetscCall(LatinHDF5Open_Private(*viewer, file, head, load));
     PetscFunctionReturn(0);
@@ -127,6 +131,7 @@ static PetscErrorCode LatinStateOpen_Private(const char file[], const LatinState
   PetscFunctionReturn(0);
 }
 
+/* Writes the entries of a vector as integers. Not collective */
 static PetscErrorCode LatinStateViewIntegers_Private(Vec whole, PetscViewer viewer)
 {
   const PetscScalar *a;
@@ -148,7 +153,10 @@ static PetscErrorCode LatinStateViewIntegers_Private(Vec whole, PetscViewer view
   PetscFunctionReturn(0);
 }
 
-/* Writes the items to a new file, or reads them if `out` is NULL, and destroys them. Collective on comm */
+/*
+   Writes the items to the new file `out`, or reads them from `file` if out is NULL; destroys them. Returns an error of the first rank there only.
+   Collective on comm
+*/
 static PetscErrorCode LatinStateMove_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
 {
   const PetscBool load   = (PetscBool)!out;
@@ -182,7 +190,7 @@ static PetscErrorCode LatinStateMove_Private(MPI_Comm comm, const char file[], L
   PetscFunctionReturn(ierr ? ierr : last);
 }
 
-/* The same; an error of the first rank is raised on all. Collective on comm */
+/* LatinStateMove_Private(), which raises an error of the first rank on all. Collective on comm */
 PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
 {
   PetscErrorCode ierr;
@@ -195,7 +203,7 @@ PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], Lati
   PetscFunctionReturn(0);
 }
 
-/* Writes note and header. Not collective */
+/* Appends the note, then writes the header with the checksum. Not collective */
 static PetscErrorCode LatinStateSeal_Private(FILE *stream, LatinStateHead *head, const char note[])
 {
   const size_t n = (size_t)head->note_bytes;
@@ -211,7 +219,7 @@ static PetscErrorCode LatinStateSeal_Private(FILE *stream, LatinStateHead *head,
   PetscFunctionReturn(0);
 }
 
-/* Writes a state to a file. Collective on comm */
+/* Writes a state to a file, in place of an older one if all is written. Sets format, sizes and checksum of head. Collective on comm */
 PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinStateHead *head, LatinState *state, const char note[])
 {
   LatinFile      out     = {0};
@@ -222,18 +230,18 @@ PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinSt
   head->format        = LATIN_STATE_FORMAT;
   head->integer_bytes = sizeof(PetscInt);
   head->real_bytes    = sizeof(PetscReal);
-  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own lets ranks sleep that are needed below */
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL)); /* PETSc's own handler would let ranks sleep that are needed below */
   ierr = LatinStateTransfer_Private(comm, file, &out, head, state);
   if (!ierr && out.stream) ierr = LatinStateSeal_Private(out.stream, head, note);
   last = LatinFileEnd_Private(&out, (PetscBool)!ierr);
   PetscCall(PetscPopErrorHandler());
   if (!ierr) ierr = last;
-  if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* char *, const or not, by version */
+  if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* a char *, const in some versions of PETSc */
   LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one is unchanged: %s%s", file, message ? message : "unknown", ierr == PETSC_ERR_FILE_OPEN ? "" : "; check the free space of its disk");
   PetscFunctionReturn(0);
 }
 
-/* Reads header and note of a file; fails unless this PETSc can read it and its checksum is right. Not collective */
+/* Reads header and note of a file; an error unless this PETSc can read it and its checksum is right. Not collective */
 static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *head, char **note)
 {
   mode_t      mode;
@@ -247,7 +255,7 @@ static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *
   PetscCheck(!why, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, why);
   stream = fopen(file, "rb");
   PetscCheck(stream, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, strerror(errno));
-  (void)!fread(text, 1, LATIN_STATE_HEAD, stream); /* a short file has too few lines or a wrong checksum */
+  (void)!fread(text, 1, LATIN_STATE_HEAD, stream); /* a short file is found below, by its lines or its checksum */
   lines = LatinStateScan(text, head);
   whole = (PetscBool)(lines == LATIN_STATE_LINES && LatinStateSum(stream, head) == head->sum);
   if (whole) PetscCall(PetscCalloc1((size_t)head->note_bytes + 1, note));
@@ -261,7 +269,7 @@ static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *
   PetscFunctionReturn(0);
 }
 
-/* The same on all ranks. Collective on comm */
+/* Reads header and note of a file on all ranks; the caller frees *note. Collective on comm */
 PetscErrorCode LatinStateReadHead_Private(MPI_Comm comm, const char file[], LatinStateHead *head, char **note)
 {
   PetscMPIInt rank;

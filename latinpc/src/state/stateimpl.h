@@ -1,6 +1,6 @@
 /*
-   Checkpoints of solvers: the items of a state (state/state.c), its file (state/statefile.c), and the atomic replacement of an
-   older file (state/newfile.c).
+   Checkpoints of solvers: the items of a state (state/state.c), its file (state/statefile.c), the atomic replacement of an older file (state/newfile.c),
+   and the functions of the Fortran module (state/fortran.c).
 */
 #ifndef LATINSTATEIMPL_H
 #define LATINSTATEIMPL_H
@@ -9,33 +9,33 @@
 #include <stdio.h>
 #include <sys/stat.h>
 
-/* The header of a file, the same on all ranks, in the order of LatinStateNames; integers are exact up to 2^53 */
+/* The header of a file, the same on all ranks, in the order of LatinStateNames; integers as doubles are exact up to 2^53 */
 typedef struct {
   double format, integer_bytes, real_bytes, ranks, motion, structure, note_bytes;
-  double time, time_step, shift; /* 1 / h^2 of a motion */
-  double tuning, rigid_scale;    /* of the search parameters of rigid links */
-  double steps, started, solutions;
-  double hdf5, sum; /* format: 1 HDF5, 0 PETSc binary; checksum of the file */
+  double time, time_step, shift;    /* 1 / h^2 of a motion */
+  double tuning, rigid_scale;       /* of the search parameters of rigid links */
+  double steps, started, solutions; /* solutions: number of last solves whose fixed-point unknowns are stored */
+  double hdf5, sum;                 /* 1: HDF5, 0: PETSc's binary format; checksum of the file */
 } LatinStateHead;
 
 /* The items of a state: distributed vectors, the same ones on all ranks */
-#define LATIN_STATE_ITEMS 24 /* items of a state; an assertion counts them */
-#define LATIN_STATE_KIND  3
+#define LATIN_STATE_ITEMS 24 /* most items of a state */
+#define LATIN_STATE_KIND  3  /* entries of kind */
 typedef struct {
   SNES           snes; /* of a motion: the SNES of its TS */
   TS             ts;   /* NULL in statics */
   Vec            u;    /* displacements */
   LatinStructure structure;
   PetscBool      latin;                  /* the SNES is of type latin */
-  PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: the way operators were made; is there a last path? Hash of the initial elongations here */
-  PetscInt       items, reals;           /* items after the first `reals` are written as integers and never read */
+  PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: LatinFrameType; 1: there is a last path; hash of e0 here */
+  PetscInt       items, reals;           /* number of items; those after the first `reals` are written as integers, not read */
   struct {
     const char *name;
     Vec         v;
   } item[LATIN_STATE_ITEMS];
 } LatinState;
 
-/* Chained hash of n bytes and `before`, of 53 bits: exact in a double */
+/* Returns the hash, of 53 bits and so exact in a double, of n bytes (data NULL: none) and the hash `before` */
 static inline uint64_t LatinStateHash(uint64_t before, size_t n, const void *data)
 {
   uint64_t both[2] = {before, data ? LatinHash(n, data) : 0};
@@ -47,8 +47,8 @@ static inline uint64_t LatinStateHash(uint64_t before, size_t n, const void *dat
 typedef struct {
   char   target[PETSC_MAX_PATH_LEN];    /* final name */
   char   temporary[PETSC_MAX_PATH_LEN]; /* name until then */
-  mode_t mode;                          /* mode of the older file, 0: there is none */
-  FILE  *stream;
+  mode_t mode;                          /* mode of the older file, 0: none */
+  FILE  *stream;                        /* the open temporary file, NULL: none */
 } LatinFile;
 
 PETSC_INTERN const char    *LatinFileRefused(const char file[], mode_t *);
