@@ -1,11 +1,11 @@
 #include "snes/sneslatinimpl.h"
 #include <petsc/private/tsimpl.h>
 
-/* What errors and reports say of a step whose SNES has not converged: the cause as far as it is known, a cure. No mathematics of the method here */
+/* Text of errors and reports about a step whose SNES has not converged: the cause, as far as it is known, and a cure. */
 
-#define LATIN_CONTRAST 1e3 /* of masses, above which the message names it */
+#define LATIN_CONTRAST 1e3 /* least ratio of masses that the message names */
 
-/* Writes numbers in a row. Not collective */
+/* Writes the first `listed` of `count` numbers, with commas. room: length of text. Not collective */
 static PetscErrorCode LatinListed_Private(PetscInt listed, PetscInt count, const PetscInt number[], size_t room, char text[])
 {
   size_t used = 0;
@@ -20,10 +20,10 @@ static PetscErrorCode LatinListed_Private(PetscInt listed, PetscInt count, const
   PetscFunctionReturn(0);
 }
 
-/* heavy: whether a listed node has a mass; contrast: largest mass over least one above zero. Collective on base */
+/* Finds heavy: whether a listed node has a mass; contrast: largest mass over least positive one. Collective on base */
 static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, const PetscInt node[], PetscBool *heavy, PetscReal *contrast)
 {
-  PetscReal most[3] = {-PETSC_MAX_REAL, 0.0, 0.0}; /* - least mass, largest mass, whether a listed node has one */
+  PetscReal most[3] = {-PETSC_MAX_REAL, 0.0, 0.0}; /* minus the least mass, largest mass, 1: a listed node has one */
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < base->nodes_local; i++) {
@@ -39,7 +39,7 @@ static PetscErrorCode LatinMasses_Private(LatinStructure base, PetscInt listed, 
   PetscFunctionReturn(0);
 }
 
-/* Do supports move in the step? Collective on step */
+/* Finds whether supports move in the step. Collective on step */
 static PetscErrorCode LatinSupportsMove_Private(LatinStructure step, PetscBool *move)
 {
   PetscBool here = PETSC_FALSE;
@@ -50,12 +50,12 @@ static PetscErrorCode LatinSupportsMove_Private(LatinStructure step, PetscBool *
   PetscFunctionReturn(0);
 }
 
-/* What may have ended a step of which neither links nor nodes are known, and what to change. Collective on ts */
+/* Appends to cause why a step may have failed if no links or nodes are known, and what to change. room: length of cause. Collective on ts */
 static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES snes, PetscReal contrast, size_t room, char cause[])
 {
   const PetscBool inner = (PetscBool)(snes->reason == SNES_DIVERGED_INNER), limit = (PetscBool)(snes->reason == SNES_DIVERGED_MAX_IT);
   PetscReal       floor = 0.0;
-  PetscBool       latin, stuck, move; /* before the iterations were used up; supports */
+  PetscBool       latin, stuck, move; /* stuck: before the last of the iterations; move: supports */
   char            some[160];
 
   PetscFunctionBegin;
@@ -77,22 +77,22 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
     PetscCall(PetscSNPrintf(some, sizeof(some), "Masses differ by a factor of %.0e: light nodes between heavy ones converge slowly. ", (double)contrast));
     PetscCall(PetscStrlcat(cause, some, room));
   }
-  /* who sets loads before a step does not learn that it has become shorter */
+  /* a function that sets loads before a step is not told that the step has become shorter */
   PetscCall(PetscStrlcat(cause, ts->prestep ? "Take shorter steps" : "Take shorter steps, or -ts_max_snes_failures -1, which shortens those that fail", room));
   PetscFunctionReturn(0);
 }
 
 /*@C
-  TSLatinGetCause - Says why the last step of a TS has not converged, as far as it is known, and what to change.
+  TSLatinGetCause - Gets why the last step of a TS has not converged, as far as it is known, and what to change.
 
   Collective on ts
 
   Input Parameters:
 + ts   - of any type, to which a structure is attached
-- room - length of cause, of which 600 characters are enough
+- room - length of cause; 600 characters are enough
 
   Output Parameter:
-. cause - sentences, without the number of the step and the reason of its SNES; empty if the step has converged
+. cause - sentences, without the number of the step and the converged reason of its SNES; empty if the step has converged
 
   Level: intermediate
 

@@ -2,15 +2,18 @@
 #include <petsc/private/tsimpl.h>
 
 /*
-   TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, for motions with velocity
-   jumps. Each step is a static problem for the SNES of the TS (structure/timestep.c); the operators depend on the length of the step
-   alone. With large displacements the scheme is the implicit midpoint rule of structure/midpoint.h: it solves for half a step, to the midpoint. No
-   mathematics of the method here.
+   TS latin: the implicit Euler scheme (8) of section 2.2 in velocities and impulses, of first order, for motions with velocity jumps. With large
+   displacements it is the implicit midpoint rule of structure/midpoint.h, solved for half a step, to the midpoint. A step of length h from (u, v):
+
+   1. The step as a static problem (structure/timestep.c), whose operators depend on h alone.
+   2. Its solution w by the SNES of the TS: w = h v+; midpoint rule: w = h (v + v+) / 4.
+   3. u and v at the end: u + w, w / h; midpoint rule: u + 2 w, 4 w / h - v.
 */
 
-#define TS_LATIN_ERROR LatinByPrecision(1e-8, 1e-4) /* default error of a step with large displacements: the midpoint rule conserves energy, but for the errors of all steps, which add up */
+/* default error of a step with large displacements: the midpoint rule conserves energy up to the errors of all steps, which add up */
+#define TS_LATIN_ERROR LatinByPrecision(1e-8, 1e-4)
 
-/* Residual M a + B^t tau - F, for PETSc's own integrators of second order */
+/* Computes the residual F = M a + B^t tau - loads, for PETSc's own integrators of second order */
 static PetscErrorCode LatinStructureFunction_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, Vec F, void *ctx)
 {
   LatinStructure base = ((LatinStructure)ctx)->base;
@@ -27,7 +30,7 @@ static PetscErrorCode LatinStructureFunction_TS(TS ts, PetscReal t, Vec u, Vec v
   PetscFunctionReturn(0);
 }
 
-/* shift M + B^t k_t B */
+/* Computes its Jacobian shift_a M + B^t k_t B */
 static PetscErrorCode LatinStructureJacobian_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, PetscReal shift_v, PetscReal shift_a, Mat J, Mat P, void *ctx)
 {
   LatinStructure step = (LatinStructure)ctx;
@@ -87,7 +90,7 @@ PetscErrorCode LatinStructureAttachTS(LatinStructure structure, TS ts)
   PetscFunctionReturn(0);
 }
 
-/* Gets the structure of a step and the SNES that solves it, SNES latin unless another type is set */
+/* Gets data->step, the structure of a step (NULL: none attached), and the SNES, of type latin unless another type is set. Collective on ts */
 static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -98,11 +101,11 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
   PetscCall(SNESSetType(*snes, SNESLATIN));
   PetscCall(SNESLatinSetWarmStart(*snes, LATIN_WARM_START_EXTRAPOLATE));
-  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution, and with a good initial guess a large residual is no divergence */
+  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution; from a good initial guess a large residual is no divergence */
   PetscFunctionReturn(0);
 }
 
-/* Copies a geometry option of the SNES to the structure; sets the default error of a step with large displacements. Collective on snes */
+/* Copies a geometry option of the SNES to the structure, and sets the default error of a step. Collective on snes */
 static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
 {
   PetscBool latin;
@@ -116,7 +119,7 @@ static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* Refuses adaptors that need an error estimate: without one they would repeat the given step for ever. Any adaptor shortens a failed step */
+/* Checks that the adaptor needs no error estimate: without one it would repeat the step for ever. Any adaptor shortens a failed step. Collective on ts */
 static PetscErrorCode TSLatinAdapt_Private(TS ts)
 {
   TSAdapt   adapt;
@@ -144,12 +147,12 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* initially at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
-  if (data->again) PetscCall(LatinStepMade_Private(data->step, NULL)); /* after TSReset(): another motion, from where the supports are now */
+  if (data->again) PetscCall(LatinStepMade_Private(data->step, NULL)); /* after TSReset() another motion starts from the present supports */
   data->again = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
-/* Raises the error of a step that its SNES has not solved. Collective on ts */
+/* Raises the error of a failed step. Collective on ts */
 static PetscErrorCode TSLatinFailed_Private(TS ts, SNES snes)
 {
   char                cause[600];
@@ -161,7 +164,7 @@ static PetscErrorCode TSLatinFailed_Private(TS ts, SNES snes)
   SETERRQ(PetscObjectComm((PetscObject)ts), PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT ", from %g to %g, has not converged: %s. %s", ts->steps + 1, (double)ts->ptime, (double)(ts->ptime + ts->time_step), SNESConvergedReasons[reason], cause);
 }
 
-/* Keeps the start of a step for events, which go back to it. Collective on ts */
+/* Stores the start of a step, if there are events, which return to it. Collective on ts */
 static PetscErrorCode TSLatinKeep_Private(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -177,7 +180,7 @@ static PetscErrorCode TSLatinKeep_Private(TS ts)
   PetscFunctionReturn(0);
 }
 
-/* Back to the start of the last step, for events. Collective on ts */
+/* Returns to the start of the last step, for events. Collective on ts */
 static PetscErrorCode TSRollBack_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -187,10 +190,11 @@ static PetscErrorCode TSRollBack_Latin(TS ts)
   PetscCall(VecCopy(data->u_before, ts->vec_sol));
   PetscCall(VecCopy(data->v_before, ts->vec_dot));
   PetscCall(LatinStepBack_Private(data->step));
-  if (ts->steps == 1) data->moved = PETSC_FALSE; /* the first step has not been made */
+  if (ts->steps == 1) data->moved = PETSC_FALSE; /* as before the first step */
   PetscFunctionReturn(0);
 }
 
+/* Takes a step; repeats it while the adaptor shortens it. Collective on ts */
 static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -204,15 +208,15 @@ static PetscErrorCode TSStep_Latin(TS ts)
   PetscCall(TSGetSNES(ts, &snes));
   midpoint = data->step->midpoint;
   PetscCall(TSLatinGeometry_Private(data->step, snes));
-  if (data->step->midpoint != midpoint) PetscCall(LatinStructureAttachSNES(data->step, snes)); /* another line search */
+  if (data->step->midpoint != midpoint) PetscCall(LatinStructureAttachSNES(data->step, snes)); /* another objective for line searches */
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   while (!ts->reason && !accept) {
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
     if (data->step->base->geometry == LATIN_GEOMETRY_LARGE) part = 0.5;
     PetscCall(LatinStepStart_Private(data->step, part * ts->time_step, ts->vec_sol, ts->vec_dot));
-    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* length in the operators, which differs by rounding */
-    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* initial guess: constant velocity; SNES latin has a better one, its last states */
-    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* no last state: links have turned since */
+    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* length in the operators, not changed by rounding */
+    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* initial guess: constant velocity; SNES latin has its last states */
+    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* links have turned since the last state */
     PetscCall(SNESSolve(snes, NULL, data->w));
     PetscCall(SNESGetIterationNumber(snes, &data->iterations));
     PetscCall(SNESGetLinearSolveIterations(snes, &linear));
@@ -240,7 +244,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
 LatinWatched(TSSetUp_Latin, TS)
 LatinWatched(TSStep_Latin, TS)
 
-/* Linear interpolation in the step: constant velocity */
+/* Interpolates linearly in the step: constant velocity */
 static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -251,7 +255,7 @@ static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* Prints energies, iterations of the SNES and the number of active unilateral links of a step */
+/* Prints energies, iterations of the SNES and the number of active unilateral links of a step. Collective on ts */
 static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u, void *ctx)
 {
   PetscViewerAndFormat *vf   = (PetscViewerAndFormat *)ctx;
@@ -265,7 +269,7 @@ static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u,
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
-  if (steps < 0 || !latin) PetscFunctionReturn(0); /* a repetition of the last one; the type has changed since */
+  if (steps < 0 || !latin) PetscFunctionReturn(0); /* a repetition of the last step; the type has changed since */
   PetscCall(LatinStructureComputeKineticEnergy(data->step->base, ts->vec_dot, &kinetic));
   PetscCall(LatinStructureComputeEnergy(data->step->base, u, &potential));
   if (steps && data->started) {
@@ -317,7 +321,7 @@ static PetscErrorCode TSReset_Latin(TS ts)
   PetscFunctionReturn(0);
 }
 
-/* Gives the SNES back the equations of the TS, for another type. Collective on ts */
+/* Gives the SNES the equations of the TS again, for another type of TS. Collective on ts */
 static PetscErrorCode TSLatinLeave_Private(TS ts)
 {
   PetscBool latin;
@@ -339,7 +343,7 @@ static PetscErrorCode TSDestroy_Latin(TS ts)
 {
   PetscFunctionBegin;
   PetscCall(TSReset_Latin(ts));
-  if (ts->snes && ((PetscObject)ts)->refct > 0) PetscCall(TSLatinLeave_Private(ts)); /* not destroyed: another type follows */
+  if (ts->snes && ((PetscObject)ts)->refct > 0) PetscCall(TSLatinLeave_Private(ts)); /* the TS lives: its type changes */
   PetscCall(PetscFree(ts->data));
   PetscFunctionReturn(0);
 }
@@ -358,7 +362,7 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
 }
 
 /*@C
-  TSLatinGetTensions - Mean tensions of this rank's links during the last step, impulse over length of the step.
+  TSLatinGetTensions - Gets the mean tensions of this rank's links during the last step, impulse over length of the step.
 
   Collective on ts
 
@@ -371,9 +375,9 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
   Level: intermediate
 
   Note:
-  These are the tensions at the end of the step, or impulses over its length where velocities jump. With large displacements they are
-  those of the mean force, at the midpoint of the step. Before the first step they are those of the initial
-  displacements, with zero in rigid links.
+  These are the tensions at the end of the step or, where velocities jump, impulses over its length. With large displacements they are
+  those of the mean force, at the midpoint of the step. Before the first step they are those of the initial displacements, zero in
+  rigid links.
 
 .seealso: `TSLATIN`, `LatinStructureGetTensions()`
 @*/
@@ -410,8 +414,8 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   Attach the structure with `LatinStructureAttachTS()`; set displacements and velocities with `TS2SetSolution()` (default: at
   rest). The scheme is of first order: it damps vibrations faster than a step, and allows velocity jumps. Steps of the same length reuse
   all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have
-  masses: SNES latin has no divergence tolerance unless an option sets one. These two, the initial state and the tolerance, are set where
-  the SNES has no type yet: a program that calls `SNESSetType()` sets them itself.
+  masses: SNES latin has no divergence tolerance unless an option sets one. Initial state and tolerance are set if the SNES has no
+  type yet: a program that calls `SNESSetType()` sets them itself.
 
   `TSSetEventHandler()` repeats steps with another length, for which PETSc does not call the function of `TSSetPreStep()`: give loads
   and supports that change in one of `TSSetPreStage()`. Before another motion with the same TS call `TSReset()`.
