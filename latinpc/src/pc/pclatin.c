@@ -1,14 +1,18 @@
 #include "pc/pclatinimpl.h"
 
 /*
-   PC latin: one linear stage from the zero state as a symmetric positive definite preconditioner of the tangent stiffness matrix of a
-   structure, or of a MATIS. The same weights distribute residuals to the copies of nodes and average their displacements. The interiors of
-   the subdomains are eliminated before and after the stage (static condensation), so that errors remain on interfaces only. This is
-   balancing domain decomposition by constraints, with the springs of the LATIN search direction, which make the local
-   problems regular where a subdomain has mechanisms of its own.
+   PC latin: one linear stage (42)-(52) from the zero state, as a symmetric positive definite preconditioner of the tangent stiffness of a structure, or of
+   a MATIS. With B the solver of the interiors, W the weights and L the linear stage:
+
+   1. Elimination of the interiors (static condensation): the residual (1 - K B) x is left, on interfaces.
+   2. W L W^t: the same weights distribute residuals to the copies of nodes and average their displacements.
+   3. Extension to the interiors in equilibrium: B + (1 - B K) W L W^t (1 - K B).
+
+   This is balancing domain decomposition by constraints, with the springs of the LATIN search direction, which make the local problems regular if a
+   subdomain has mechanisms of its own.
 */
 
-/* Sets up the solvers of the interiors: operators with clamped interfaces, without springs and primal dofs, which are on interfaces only. Collective on pc */
+/* Sets up the solvers of the interiors: operators with clamped interfaces, and so without springs and primal dofs. Collective on pc */
 static PetscErrorCode PCLatinInterior_Private(PC pc)
 {
   PC_Latin          *data     = (PC_Latin *)pc->data;
@@ -20,7 +24,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PetscFunctionBegin;
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
   interior->like      = &latin->solvers;
-  interior->precision = LATIN_PRECISION_AUTO; /* the preconditioner is valid for any accuracy of the interiors */
+  interior->precision = LATIN_PRECISION_AUTO; /* valid for any accuracy of the interiors */
   PetscCall(PetscMalloc1(n, &held));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
   for (PetscInt b = 0; b < interior->n; b++) {
@@ -35,7 +39,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Frees the work arrays, which depend on the set-up */
+/* Frees the work arrays, whose lengths depend on the set-up */
 static PetscErrorCode PCLatinClear_Private(PC_Latin *data)
 {
   PetscFunctionBegin;
@@ -57,9 +61,8 @@ static PetscErrorCode PCReset_Latin(PC pc)
 }
 
 /*
-   Sets data->stage: does the linear stage alone do? If all interface nodes are primal, without springs, it is exact with direct
-   solvers. If no node is inside a subdomain, as in coarse problems of substructures, there are no interiors to eliminate.
-   Collective on pc
+   Sets data->stage: whether the linear stage alone is applied. If all interface nodes are primal, without springs, it is exact with direct solvers. If no
+   node is inside a subdomain, as in coarse problems of substructures, there are no interiors to eliminate. Collective on pc
 */
 static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
 {
@@ -80,6 +83,7 @@ static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
   PetscFunctionReturn(0);
 }
 
+/* Sets up decomposition, work arrays, weights and interiors. Collective on pc */
 static PetscErrorCode PCLatinBuild_Private(PC pc)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
@@ -109,14 +113,17 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* In Newton's method the taut links of an iterate may be a mechanism: all ranks have the same error, which becomes a failure of the PC */
+/*
+   Sets up; with data->yields a mechanism, an error on all ranks, becomes a failure of the PC: in Newton's method taut links of an iterate may be one.
+   Collective on pc
+*/
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  pc->failedreason = PC_NOERROR; /* PETSc 3.18 keeps that of the last operator */
-  pc->setupcalled  = 0;          /* after an error the next PCSetUp() is to try again */
+  pc->failedreason = PC_NOERROR; /* PETSc 3.18 does not reset it */
+  pc->setupcalled  = 0;          /* after an error the next PCSetUp() tries again */
   if (!((PC_Latin *)pc->data)->yields) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);
@@ -132,7 +139,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* v = B f: displacements of the interiors, zero on interfaces */
+/* Computes data->v = B f: displacements of the interiors, zero on interfaces. Overwrites linear.g. Not collective */
 static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 {
   PC_Latin              *data = (PC_Latin *)pc->data;
@@ -146,7 +153,7 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
   PetscFunctionReturn(0);
 }
 
-/* Sets the result to infinity after a failed inner solve on this rank: the next norm of the Krylov method reports it on all ranks, with the reason of the PC */
+/* Sets copy to infinity after a failed inner solve on this rank: the next norm of the Krylov method fails on all ranks, with the reason of the PC */
 static void PCLatinFail(PC pc, PetscReal copy[])
 {
   PC_Latin *data = (PC_Latin *)pc->data;
@@ -156,7 +163,10 @@ static void PCLatinFail(PC pc, PetscReal copy[])
   pc->failedreason = PC_SUBPC_ERROR;
 }
 
-/* data->work = (1 - K B) x, the residual on the interfaces with the interiors in equilibrium; data->force = x on the copies */
+/*
+   Computes data->work = (1 - K B) x, the residual on interfaces with interiors in equilibrium, and data->force, x on the copies. Overwrites v, f.
+   Collective on pc
+*/
 static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
@@ -172,7 +182,7 @@ static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
   PetscFunctionReturn(0);
 }
 
-/* u = W L W^t forces: weighted mean of the displacements of a linear stage for weighted forces; u may be forces */
+/* Computes u = W L W^t forces, the weighted mean of the displacements of a linear stage; u may be forces. Overwrites data->v, f. Collective on pc */
 static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
@@ -191,7 +201,7 @@ static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* y = displacements data->work on the interfaces, extended to interiors in equilibrium with them and the forces data->force */
+/* Computes y: data->work on interfaces, interiors in equilibrium with it and the forces data->force. Overwrites data->v, f. Collective on pc */
 static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -212,12 +222,9 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 }
 
 /*
-   With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
-   symmetric positive definite if B is, exact or approximate. With an exact B, values of W and L in the interiors cancel.
-
-   In the operators of a SNES latin slack links are taut, so that the elimination of the interiors is never exact: W L W^t
-   alone takes a few more iterations of half the cost. If all interface dofs are in the coarse problem, W L W^t alone is exact:
-   one factor for each subdomain.
+   Applies B + (1 - B K) W L W^t (1 - K B), symmetric positive definite if B is, exact or approximate. With an exact B, values of W and L in the interiors
+   cancel. With data->stage, applies W L W^t alone: exact if all interface dofs are in the coarse problem. In the operators of a SNES latin slack links
+   are taut, so the elimination of the interiors is never exact: W L W^t takes a few more iterations of half the cost. Collective on pc
 */
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
@@ -227,7 +234,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscFunctionBegin;
   if (latin->stale && !data->shared) {
     PetscCall(PCSetUp_Latin(pc));
-    pc->setupcalled = 1; /* as PCSetUp() would */
+    pc->setupcalled = 1; /* as PCSetUp() does */
   }
   if (!data->built) { /* after a failed set-up */
     PetscCall(VecSet(y, INFINITY));
@@ -260,7 +267,7 @@ static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOption
   PetscFunctionBegin;
   if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)pc));
   data->chosen = PETSC_TRUE;
-  if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
+  if (data->latin->stale) pc->setupcalled = 0; /* the next PCSetUp() builds it again */
   PetscFunctionReturn(0);
 }
 
@@ -284,8 +291,8 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
 }
 
 /*
-   Copies the options of a SNES latin, subdomains, coarse space and search direction, to a PC latin with its own decomposition. On one rank it has one subdomain:
-   its operators are tangent stiffnesses, and no two subdomains are equal any more. Collective on pc
+   Copies the options of a SNES latin (subdomains, coarse space, search direction) to a PC latin with a decomposition of its own. On one rank this has one
+   subdomain: with tangent stiffnesses, no subdomains are equal. Collective on pc
 */
 PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
 {
@@ -305,7 +312,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Makes a PC latin use the decomposition of a SNES latin, in whose operators all links are taut. Collective on pc */
+/* Makes a PC latin share the decomposition of a SNES latin, in whose operators all links are taut. Collective on pc */
 PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
@@ -318,7 +325,7 @@ PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* corrected: coarse iterations may stop early, as the Krylov method corrects their error; conjugate gradients take no more iterations then. Not collective */
+/* Sets whether coarse iterations may stop early, as the Krylov method corrects their error; conjugate gradients take no more iterations. Not collective */
 PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
 {
   PetscFunctionBegin;
@@ -348,12 +355,12 @@ PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
   PetscValidHeaderSpecific(pc, PC_CLASSID, 2);
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   PetscCall(LatinAttach_Private(is ? ((PC_Latin *)pc->data)->latin : NULL, (PetscObject)pc, structure));
-  if (is && ((PC_Latin *)pc->data)->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
+  if (is && ((PC_Latin *)pc->data)->latin->stale) pc->setupcalled = 0; /* the next PCSetUp() builds it again */
   PetscFunctionReturn(0);
 }
 
 /*@C
-  PCLatinGetLatin - The decomposition behind a preconditioner of type latin.
+  PCLatinGetLatin - Gets the decomposition of a preconditioner of type latin.
 
   Not collective; the reference is borrowed
 

@@ -1,4 +1,4 @@
-/* PC latin (pc/pclatin.c), the weights of the copies of a node (pc/weights.c) */
+/* PC latin (pc/pclatin.c), and the weights of the copies of a node (pc/weights.c) */
 #ifndef PCLATINIMPL_H
 #define PCLATINIMPL_H
 
@@ -9,12 +9,12 @@ typedef struct {
   PetscBool         shared;        /* latin belongs to a SNES latin, which sets it up and reads its options */
   PetscBool         corrected;     /* the Krylov method corrects the error of coarse iterations: they may stop early */
   PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
-  PetscBool         stage;         /* apply the linear stage alone: all links are taut, or the stage is exact, or there are no interiors */
-  PetscBool         built;         /* the members below exist, though empty on a rank without subdomains */
+  PetscBool         stage;         /* the linear stage alone is applied: shared, or exact, or without interiors */
+  PetscBool         built;         /* the members below exist, if empty on a rank without subdomains */
   PetscBool         chosen;        /* options have been read since the set-up: they may select other solvers */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
-  PetscReal        *side;          /* [2 * sides] work */
-  LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere; none if `stage` */
+  PetscReal        *side;          /* [2][sides] work */
+  LatinLocalSolvers interior;      /* solvers of the interiors, with identity rows elsewhere; none if `stage` */
   PetscReal        *v, *f, *force; /* [copies * bs] work */
   Vec               work;          /* DM global vector */
 } PC_Latin;
@@ -22,7 +22,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode PCLatinWeights_Private(PC);
 PETSC_INTERN PetscErrorCode PCLatinWeigh_Private(PC, PetscBool forces, const PetscReal whole[], PetscReal part[]);
 
-/* Is the node of a copy inside a subdomain, on no interface? */
+/* Whether the node of a copy is inside a subdomain, on no interface */
 static inline PetscBool PCLatinInner(const Latin latin, PetscInt copy)
 {
   return (PetscBool)(latin->inter.share_offset[copy] == latin->inter.share_offset[copy + 1]);

@@ -1,6 +1,6 @@
 #include "pc/pclatinimpl.h"
 
-/* PC latin behind a PCSHELL, for programs that need one. */
+/* PC latin inside a PCSHELL, for programs that can use a PCSHELL alone. */
 
 /* Resets the inner PC if the size of the matrix has changed: KSPReset() does not reach a PC inside a PCSHELL. Collective on shell */
 static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
@@ -18,7 +18,7 @@ static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
   PetscFunctionReturn(0);
 }
 
-/* What is attached to the shell by this name is attached to the inner PC. Collective on shell */
+/* Composes on the inner PC what is composed on the shell by this name. Collective on shell */
 static PetscErrorCode PCShellLatinPass_Private(PC shell, PC inner, const char name[])
 {
   PetscObject now, before;
@@ -46,7 +46,7 @@ static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
   if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
   PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
   PetscCall(PetscObjectSetOptions((PetscObject)inner, ((PetscObject)shell)->options));
-  /* not PCSetFromOptions(): -pc_type shell would turn the inner one into a shell as well */
+  /* not PCSetFromOptions(): -pc_type shell would make the inner PC a shell */
   PetscCall(PCLatinGetLatin(inner, &latin));
   PetscCall(LatinSetFromOptions_Private(latin, (PetscObject)inner));
   PetscCall(PCSetUp(inner));
@@ -102,6 +102,6 @@ PetscErrorCode PCShellSetLatin(PC pc)
   PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
   PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", LatinSetCoordinates_Private));
-  pc->setupcalled = 0; /* what it was before may be set up */
+  pc->setupcalled = 0; /* it may be set up as another shell */
   PetscFunctionReturn(0);
 }

@@ -1,14 +1,14 @@
 #include "pc/pclatinimpl.h"
 
 /*
-   Weights of the copies of a node, a partition of unity, for forces and for the average of displacements. If the search direction has the
-   Schur complements of both sides of an interface, these are the weights (deluxe scaling, of least energy); else the diagonal of
-   the operators (stiffness scaling).
+   Weights of the copies of a node, a partition of unity, for forces and for the average of displacements. If the search direction has the Schur
+   complements of both sides of an interface, these are the weights (deluxe scaling, of least energy); else the diagonals of the operators are (stiffness
+   scaling).
 */
 
-#define LATIN_WEIGHT_LEAST LatinByPrecision(1e-12, 1e-5) /* relative to the largest stiffness: added to that of each copy */
+#define LATIN_WEIGHT_LEAST LatinByPrecision(1e-12, 1e-5) /* stiffness added to that of each copy, relative to the largest one */
 
-/* data->weight = stiffness scaling: diagonal of the operator of a copy over the sum of its node. Collective on pc */
+/* Computes data->weight of the stiffness scaling: diagonal entry of a copy over the sum at its node. Overwrites data->work, f. Collective on pc */
 PetscErrorCode PCLatinWeights_Private(PC pc)
 {
   PC_Latin              *data      = (PC_Latin *)pc->data;
@@ -30,7 +30,10 @@ PetscErrorCode PCLatinWeights_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* part = weights times `whole`, forces or displacements of the copies; in interiors 1 times, or zero if they are solved exactly */
+/*
+   Computes part: weights times `whole`, forces or displacements of the copies; in interiors, whose weights are 1, zero if solved exactly. Overwrites
+   data->side
+*/
 PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal whole[], PetscReal part[])
 {
   PC_Latin              *data  = (PC_Latin *)pc->data;
