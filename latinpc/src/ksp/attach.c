@@ -1,6 +1,6 @@
 #include "ksp/ksplatinimpl.h"
 
-/* KSP latin as programs see it: its structure, its decomposition, its inner KSP */
+/* Setter and getters of KSP latin: its structure, its decomposition, its outer KSP. */
 
 /*@C
   LatinStructureAttachKSP - Sets the structure of a KSP and its PC, for a matrix that does not come from the DM of the structure.
@@ -14,7 +14,7 @@
   Level: intermediate
 
   Note:
-  Call it before or after `KSPSetType()` and `KSPSetFromOptions()`. Other types than latin ignore it.
+  Call it before or after `KSPSetType()` and `KSPSetFromOptions()`. Types other than latin ignore it.
 @*/
 PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 {
@@ -32,7 +32,7 @@ PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 }
 
 /*@C
-  KSPLatinGetLatin - The decomposition behind a KSP of type latin.
+  KSPLatinGetLatin - Gets the decomposition of a KSP of type latin.
 
   Not collective; the reference is borrowed
 
@@ -55,7 +55,7 @@ PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
 }
 
 /*@C
-  KSPLatinGetOuter - The KSP that solves for the interface data, options prefix ksp_latin_outer_ behind that of ksp.
+  KSPLatinGetOuter - Gets the KSP that solves for the interface data; its options prefix is that of ksp, followed by ksp_latin_outer_.
 
   Not collective; the reference is borrowed
 
@@ -63,7 +63,7 @@ PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
 . ksp - of type latin
 
   Output Parameter:
-. outer - the inner KSP
+. outer - the KSP for the interface data
 
   Level: advanced
 

@@ -1,22 +1,21 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   The linear iteration as an operator on interface data. If no link has a state, linear stage and local stage are affine in the
-   data z = F_hat + D U_hat of the sides, and the iteration is the composition of two maps:
+   The linear iteration as an operator on interface data. If no link has a state, linear stage and local stage are affine in the data z = F_hat + D U_hat
+   of the sides, and the iteration is the composition of two maps:
 
-   R   = 2 D P X P^t - 1  maps data to D U - F on the same side: (26) and the linear stage (42)-(52), with X from interface
-                        forces to displacements, P = 1 - R R^t D the projection on the micro part;
+   R = 2 D P X P^t - 1  from data to D U - F on the same side: (26) and the linear stage (42)-(52); X: from interface forces to displacements;
+                        P: projection on the micro part, 1 - V V^t D with the macro basis V (R in interfaces/macrobasis.c);
    Pi                   exchanges the data of the two sides of each interface: the local stage (23).
 
-   In the variables y = L^-1 z with D = L L^t, the Euclidean norm is the energy norm of z. R is symmetric with eigenvalues in
-   [-1, 1], as the springs D are part of the operators in X; Pi is symmetric and orthogonal. The article's iteration is
-   successive substitution (Richardson) with the operator 1 - Pi R. Pi - R has the same solutions and is symmetric, but
-   indefinite: MINRES takes more than twice the iterations with it.
+   In the variables y = L^-1 z with D = L L^t, the Euclidean norm is the energy norm of z. R is symmetric with eigenvalues in [-1, 1], as the springs D are
+   part of the operators in X; Pi is symmetric and orthogonal. The article's iteration is successive substitution (Richardson) with the operator 1 - Pi R.
+   Pi - R has the same solutions and is symmetric, but indefinite: MINRES takes more than twice the iterations with it.
 */
 
 #define LATIN_INTERFACE_NOISE LatinByPrecision(1e-14, 5e-6) /* level of rounding of interface data, relative to the energy norm */
 
-/* y = L^t x or L x on one interface, in place */
+/* Multiplies x by L, or by L^t if transposed, on interface f, in place. Not collective */
 static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscInt f, PetscBool transposed, PetscReal x[])
 {
   const LatinInterface *face = &linear->inter->interface[f];
@@ -35,7 +34,7 @@ static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* One linear stage: displacements U of all copies under the loads (if loaded) and the micro part of the data y (if not NULL). Collective on sub->object */
+/* Takes a linear stage: computes linear->U, of all copies, under the loads (if loaded) and the micro part of the data y (or NULL). Collective on sub->object */
 static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBool loaded, const PetscReal y[])
 {
   const LatinInterfaces *inter = linear->inter;
@@ -59,7 +58,7 @@ static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBoo
   PetscFunctionReturn(0);
 }
 
-/* result = (1 - Pi R) data; data NULL: the right-hand side for the loads. Collective on sub->object */
+/* Computes result = (1 - Pi R) data; data NULL: the right-hand side for the loads, and linear->noise. Collective on sub->object */
 PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec result)
 {
   const LatinInterfaces *inter  = linear->inter;
@@ -73,7 +72,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   if (data) PetscCall(VecGetArrayRead(data, &y));
   PetscCall(VecGetArrayWrite(result, &out));
   PetscCall(LatinReflectionStage_Private(linear, loaded, y));
-  if (loaded) { /* the level of rounding, from the energy norm of the first displacements */
+  if (loaded) { /* level of rounding, from the energy norm of the first displacements */
     for (PetscInt i = 0; i < linear->sub->bs * linear->sub->copies; i++) energy += linear->load[i] * linear->U[i];
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
     linear->noise = LATIN_INTERFACE_NOISE * PetscSqrtReal(PetscMax(energy, 0.0));
@@ -91,13 +90,13 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   for (PetscInt k = 0; k < inter->sides && !loaded; k++) out[k] = y[k] - out[k];
   PetscCall(PetscLogFlops((loaded ? 1.0 : 3.0) * inter->sides));
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
-  if (data && linear->failed && inter->sides) out[0] = INFINITY; /* all ranks detect it in the next norm, or at the end */
+  if (data && linear->failed && inter->sides) out[0] = INFINITY; /* all ranks see it in the next norm, or at the end */
   if (data) PetscCall(VecRestoreArrayRead(data, &y));
   PetscCall(VecRestoreArrayWrite(result, &out));
   PetscFunctionReturn(0);
 }
 
-/* u: mean displacements of the copies under the loads and the data y. Collective on sub->object */
+/* Computes u, the mean displacements of the copies under the loads and the data y. Collective on sub->object */
 PetscErrorCode LatinReflectionSolution_Private(LatinLinear *linear, Vec y, Vec u)
 {
   const PetscScalar *a;

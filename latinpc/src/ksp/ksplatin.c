@@ -1,12 +1,15 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   KSP latin: the iteration on interface data for linear operators, solved by a KSP of the user's choice (prefix -ksp_latin_outer_):
-   richardson is the iteration of the article, gmres its acceleration. The system is solved for the correction of the initial
-   guess, with the residual as load. The operator is in ksp/interfaceoperator.c.
+   KSP latin: the iteration on interface data for linear operators (ksp/interfaceoperator.c), solved by an outer KSP of the user's choice, with the prefix
+   -ksp_latin_outer_: richardson is the iteration of the article, gmres its acceleration. A solve:
+
+   1. The residual of the initial guess becomes the load of the linear stage: the unknown is the correction of the guess.
+   2. A pass: the outer KSP solves for the interface data; a linear stage gives the displacements.
+   3. While b - A x is too large and the outer KSP is at the level of rounding, another pass from the current solution (ksp/trueresidual.c).
 */
 
-#define LATIN_SAME_MATRIX LatinByPrecision(1e-8, 1e-4) /* largest relative difference by rounding of two products with the same matrix */
+#define LATIN_SAME_MATRIX LatinByPrecision(1e-8, 1e-4) /* largest relative difference, by rounding, of two products with the same matrix */
 
 static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
 {
@@ -18,7 +21,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* x = guess + scale times the displacements under the scaled loads and data y */
+/* Computes x = guess + scale times the displacements under the scaled loads and data y. Collective on ksp */
 static PetscErrorCode KSPLatinDisplacements_Private(KSP ksp, Vec y, Vec x)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -47,10 +50,10 @@ static PetscErrorCode KSPBuildSolution_Latin(KSP ksp, Vec v, Vec *V)
 }
 
 /*
-   Convergence test of the outer KSP: calls the test and the monitors of KSP latin, which the user sets, with its norm.
+   Convergence test of the outer KSP: calls the test and the monitors of KSP latin, which the user may set, with the norm of its norm type.
 
-   PETSc's default test is relative to the first residual or, with a nonzero guess, to the right-hand side. Here the norm of the
-   right-hand side is that in the same variables as the residuals: the first residual is not that of zero displacements.
+   PETSc's default test is relative to the first residual or, with a nonzero guess, to the right-hand side. Here it is relative to data->rhs_norm, the norm
+   of the right-hand side in the variables of the residuals: the first residual is not that of zero displacements. Collective on ksp
 */
 static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
@@ -70,13 +73,13 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
   }
   ksp->its   = data->before + it;
   ksp->rnorm = norm;
-  if (ksp->its > data->logged) { /* not again after restarts, which repeat an iteration */
+  if (ksp->its > data->logged) { /* restarts repeat an iteration */
     data->logged = ksp->its;
     PetscCall(KSPLogResidualHistory(ksp, norm));
     PetscCall(KSPMonitor(ksp, ksp->its, norm));
   }
   if (it || !data->passes) {
-    if (ours) ksp->guess_zero = PETSC_TRUE; /* else the test would apply the PC of this KSP to the right-hand side */
+    if (ours) ksp->guess_zero = PETSC_TRUE; /* else the test would apply the PC to the right-hand side */
     PetscCall((*ksp->converged)(ksp, ksp->its, norm, reason, ksp->cnvP));
     ksp->guess_zero = zero;
     if (ours && !context->initialrtol) {
@@ -104,9 +107,8 @@ static PetscErrorCode KSPReset_Latin(KSP ksp)
 }
 
 /*
-   A preconditioner may be that of another matrix, but this solver uses the operators of the subdomains in place of its matrix. So
-   they must be the same: compared by the product with a random vector, unless the subdomains are those of this matrix.
-   Collective on ksp
+   Checks that A is the sum of the operators of the subdomains, which this solver uses in place of its matrix: by the product with a random vector, unless
+   the subdomains are those of this matrix. Overwrites data->solution, residual. Collective on ksp
 */
 static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
 {
@@ -129,7 +131,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
     PetscCall(LatinOperatorMult(sub, v, f));
     PetscCall(LatinSum_Private(sub, f, data->solution));
     PetscCall(VecGetArray(data->residual, &a));
-    for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = 0.0; /* masses without links */
+    for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = 0.0; /* rows of nodes without links */
     PetscCall(VecRestoreArray(data->residual, &a));
   }
   PetscCall(VecDestroy(&x));
@@ -140,7 +142,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscFunctionReturn(0);
 }
 
-/* Checks the size of the solution vector, which PETSc does too late; a matrix that is missing is told later. Collective on ksp */
+/* Checks the size of the solution vector, which PETSc checks too late. Not if there is no matrix, an error found later. Collective on ksp */
 static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
 {
   PetscInt n, m;
@@ -153,7 +155,7 @@ static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
   PetscFunctionReturn(0);
 }
 
-/* Is this another object than that of place i, or has it changed since? */
+/* Finds whether this is another object (or NULL) than at the last call for place i, or has changed since. Not collective */
 static PetscErrorCode KSPLatinChanged_Private(KSP_Latin *data, PetscInt i, PetscObject object, PetscBool *changed)
 {
   PetscObjectId    id    = 0;
@@ -186,7 +188,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscCall(KSPLatinChanged_Private(data, 2, (PetscObject)A, &changed[2]));
   if (data->A && !data->latin->stale && !changed[0] && !changed[1]) {
     if (!changed[2]) PetscFunctionReturn(0);
-    data->id[2] = 0; /* checked again after an error */
+    data->id[2] = 0; /* after an error it is checked again */
     PetscCall(KSPLatinCheckMatrix_Private(ksp, A));
     PetscCall(KSPLatinChanged_Private(data, 2, (PetscObject)A, &changed[2]));
     PetscFunctionReturn(0);
@@ -207,7 +209,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscFunctionReturn(0);
 }
 
-/* Sets the loads of the linear stage; b: the right-hand side for them, and its norm. Collective on ksp */
+/* Sets the loads of the linear stage, and data->b to their right-hand side, with its norm. Collective on ksp */
 static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -219,7 +221,7 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* One pass: the outer KSP solves for the correction of data->guess with data->load. Collective on ksp */
+/* Takes a pass: the outer KSP solves for the correction of data->guess with data->load. Sets ksp->vec_sol, its and reason. Collective on ksp */
 static PetscErrorCode KSPLatinPass_Private(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -232,12 +234,12 @@ static PetscErrorCode KSPLatinPass_Private(KSP ksp)
   } else if (!PetscIsInfOrNanReal(data->scale)) {
     const PetscInt n = data->latin->sub.bs * data->latin->sub.copies;
 
-    /* scaled, so that Krylov methods do not depend on the user's units */
+    /* scaled: Krylov methods must not depend on the user's units */
     PetscCall(VecScale(data->b, 1.0 / data->scale));
     for (PetscInt i = 0; i < n; i++) data->latin->linear.load[i] /= data->scale;
     for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.unassigned_u[k] /= data->scale;
   }
-  ksp->reason   = KSP_CONVERGED_ITERATING; /* reset that of the pass before */
+  ksp->reason   = KSP_CONVERGED_ITERATING; /* not that of the last pass */
   data->checked = -1;
   data->next    = 0;
   PetscCall(KSPSetTolerances(data->outer, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PetscMax(ksp->max_it - data->before, 1)));
@@ -250,7 +252,10 @@ static PetscErrorCode KSPLatinPass_Private(KSP ksp)
   PetscFunctionReturn(0);
 }
 
-/* The first linear stage has found the solution, as with one subdomain: the outer KSP has tested nothing. Calls monitors and the test of the user. Collective on ksp */
+/*
+   Calls monitors and the test of the user if the first linear stage has found the solution, as with one subdomain: the outer KSP tests nothing.
+   Collective on ksp
+*/
 static PetscErrorCode KSPLatinAtOnce_Private(KSP ksp)
 {
   KSP_Latin         *data   = (KSP_Latin *)ksp->data;
@@ -280,7 +285,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   Mat        A;
 
   PetscFunctionBegin;
-  PetscCall(KSPSetUp_Latin(ksp)); /* the matrix may have changed: PETSc then calls the set-up of the PC alone */
+  PetscCall(KSPSetUp_Latin(ksp)); /* PETSc sets up the PC alone if the matrix has changed */
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
   PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
              "The interface operator of KSP latin is not symmetric: instead of %s use -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
@@ -305,7 +310,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
     PetscCall(KSPLatinRefine_Private(ksp, &again));
   }
   if (data->logged < 0) PetscCall(KSPLatinAtOnce_Private(ksp));
-  failed = data->latin->linear.failed ? 1 : 0; /* no norm detects failures in the first or the last stage, nor on a rank without interfaces */
+  failed = data->latin->linear.failed ? 1 : 0; /* no norm shows failures in the first or the last stage, or on a rank without interfaces */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
   if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
   else if (ksp->reason > 0 && PetscIsInfOrNanReal(data->latin->linear.noise)) ksp->reason = KSP_DIVERGED_NANORINF; /* the energy overflows: no test was valid */
@@ -327,7 +332,7 @@ static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOpt
   PetscCall(PetscOptionsGetString(((PetscObject)ksp)->options, prefix, "-pc_type", type, sizeof(type), NULL));
   PetscCheck(!type[0] || !strcmp(type, PCNONE), PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "-ksp_type latin takes no preconditioner, but -pc_type is %s: remove it, or use it with another KSP, for example -ksp_type cg -pc_type latin",
              type);
-  if (data->latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
+  if (data->latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* the next KSPSetUp() builds it again */
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, ((PetscObject)ksp)->options));
   PetscCall(KSPSetOptionsPrefix(data->outer, prefix));
   PetscCall(KSPAppendOptionsPrefix(data->outer, "ksp_latin_outer_"));
@@ -366,7 +371,7 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
 }
 
 /*MC
-  KSPLATIN - the LATIN iteration on interface data alone, for symmetric positive definite matrices: to PC latin what `KSPFETIDP` is to `PCBDDC`
+  KSPLATIN - The LATIN iteration on interface data alone, for symmetric positive definite matrices: to PC latin what `KSPFETIDP` is to `PCBDDC`
 
   Options Database Keys:
 + -ksp_latin_modes <affine>         - macro fields of strong interfaces: affine, rigid
@@ -428,8 +433,9 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), &data->outer));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)ksp, 1));
   PetscCall(KSPSetType(data->outer, KSPGMRES));
-  PetscCall(KSPGMRESSetRestart(data->outer, 100));                                                             /* interface vectors are short */
-  PetscCall(KSPOrthogonalizationSetCGSRefinementType(data->outer, KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED)); /* otherwise orthogonality is lost for matrices whose coefficients jump, and the residual stagnates */
+  PetscCall(KSPGMRESSetRestart(data->outer, 100)); /* interface vectors are short */
+  /* else, if coefficients of the matrix jump, orthogonality is lost and the residual stagnates */
+  PetscCall(KSPOrthogonalizationSetCGSRefinementType(data->outer, KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED));
   PetscCall(KSPGetPC(data->outer, &pc));
   PetscCall(PCSetType(pc, PCNONE));
   PetscCall(KSPSetConvergenceTest(data->outer, KSPLatinConverged_Private, ksp, NULL));

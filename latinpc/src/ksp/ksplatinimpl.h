@@ -9,21 +9,21 @@ typedef struct {
   Latin            latin;
   KSP              outer;                      /* solves for the interface data */
   Mat              A;                          /* its operator */
-  Vec              b, y;                       /* its right-hand side, of norm 1, and solution */
-  PetscReal        scale;                      /* norm of b before scaling: the interface residual of the initial guess */
+  Vec              b, y;                       /* its right-hand side, scaled to norm 1, and solution */
+  PetscReal        scale;                      /* norm of b before scaling: interface residual of the initial guess */
   PetscReal        rhs_norm;                   /* reference of the relative tolerance; 0: the first residual */
-  Vec              guess, load;                /* initial guess of the pass, its residual */
+  Vec              guess, load;                /* initial guess of the pass, and its residual */
   Vec              solution, residual, digits; /* work */
-  PetscInt         logged;                     /* last iteration shown to monitors */
-  PetscInt         passes, before;             /* passes (solves of the outer KSP) before this one, and their iterations */
-  PetscInt         checked, next;              /* iterations of this pass: that of x in `solution`, -1: none; the earliest for the next check */
-  PetscReal        allowed, norm;              /* norm of b - A x: that the tolerances allow; of the last check */
-  PetscReal        norm_before;                /* norm of b - A x of the pass before */
-  PetscObjectId    id[3];                      /* of the last set-up: preconditioning matrix, coordinates; matrix of the last check */
-  PetscObjectState state[3];
+  PetscInt         logged;                     /* last iteration shown to monitors; -1: none */
+  PetscInt         passes, before;             /* number of passes (solves of the outer KSP) before this one; their iterations */
+  PetscInt         checked, next;              /* iterations of this pass: that of x in `solution`, -1: none; earliest one of the next check */
+  PetscReal        allowed, norm;              /* norms of b - A x: that the tolerances allow; that of the last check */
+  PetscReal        norm_before;                /* norm of b - A x after the last pass */
+  PetscObjectId    id[3];                      /* preconditioning matrix and coordinates of the last set-up; matrix of its last check */
+  PetscObjectState state[3];                   /* the same */
 } KSP_Latin;
 
-/* y is in variables whose Euclidean norm is the energy norm */
+/* ksp/interfaceoperator.c; y: variables whose Euclidean norm is the energy norm */
 PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(LatinLinear *, Vec y, Vec out);
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(LatinLinear *, Vec y, Vec u);
 /* ksp/trueresidual.c */

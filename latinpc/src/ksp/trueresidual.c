@@ -1,17 +1,23 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   Convergence test of KSP latin by the true residual. The interface residual is an energy norm; the 2-norm of b - A x, which users
-   of a KSP rely on, can be larger by the square root of the condition number. So convergence is confirmed by b - A x, for
-   one product with the matrix. If this is larger than the tolerances allow, the iteration goes on; if the interface residual
-   has reached the level of rounding, it restarts from the current solution, with b - A x as load (iterative refinement).
+   Convergence test of KSP latin by the true residual. The interface residual is an energy norm; the 2-norm of b - A x, which users of a KSP rely on, can be
+   larger by the square root of the condition number.
+
+   1. If the interface residual meets the tolerances, b - A x must confirm it, for one product with the matrix.
+   2. If b - A x is larger than the tolerances allow, the iteration goes on.
+   3. If the interface residual has reached the level of rounding, the iteration restarts from the current solution, with b - A x as load (iterative
+      refinement), until a restart no longer reduces b - A x.
 */
 
-#define LATIN_RESIDUAL_NOISE 16.0        /* rounding of x that is accepted, in machine epsilon; correct solutions of the robustness suite have up to 9 */
-#define LATIN_HASH           2654435761u /* 2^32 over the golden ratio: pseudo-random signs */
-#define LATIN_REFINE_GAIN    0.5         /* largest reduction factor of b - A x by a pass for another pass to follow: with a larger one rounding rules */
+#define LATIN_RESIDUAL_NOISE 16.0        /* times eps and x: accepted rounding of x; correct solutions of the robustness suite have up to 9 */
+#define LATIN_HASH           2654435761u /* 2^32 over the golden ratio, for pseudo-random signs */
+#define LATIN_REFINE_GAIN    0.5         /* largest factor of a pass on b - A x after which another one follows; larger ones are due to rounding */
 
-/* data->allowed: the norm of b - A x that the tolerances allow, as in PETSc's default test with KSP_NORM_UNPRECONDITIONED; data->load is the residual of the initial guess. Collective on ksp */
+/*
+   Computes data->allowed, the norm of b - A x that the tolerances allow, as PETSc's default test with KSP_NORM_UNPRECONDITIONED does. data->load is
+   the residual of the initial guess. Collective on ksp
+*/
 PetscErrorCode KSPLatinAllow_Private(KSP ksp)
 {
   KSP_Latin                    *data    = (KSP_Latin *)ksp->data;
@@ -28,8 +34,8 @@ PetscErrorCode KSPLatinAllow_Private(KSP ksp)
 }
 
 /*
-   *norm: the level of rounding of b - A x, the norm of A times a rounding error of x of pseudo-random signs. The exact solution,
-   rounded, has such a residual. Collective on ksp
+   Computes the level of rounding of b - A x: the norm of A times a rounding error of x with pseudo-random signs. The exact solution, rounded, has such a
+   residual. Overwrites data->digits, residual. Collective on ksp
 */
 static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
 {
@@ -52,7 +58,7 @@ static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* Predicted iterations until b - A x meets the tolerances, at the mean rate of the interface residual, which is `norm` after `it` iterations: 1 to `it` */
+/* Returns the predicted iterations, 1 to `it`, until b - A x meets the tolerances, at the mean rate of the interface residual: `norm` after `it` iterations */
 static PetscInt KSPLatinMore(const KSP_Latin *data, PetscInt it, PetscReal norm)
 {
   const PetscReal more = it * PetscLogReal(data->norm / data->allowed) / PetscLogReal(data->scale / norm);
@@ -61,8 +67,8 @@ static PetscInt KSPLatinMore(const KSP_Latin *data, PetscInt it, PetscReal norm)
 }
 
 /*
-   Confirms or withdraws *reason of PETSc's default test, after `it` iterations of this pass with interface residual `norm`; also
-   decides when this residual is at the level of rounding. Tests of the user are not changed. Collective on ksp
+   Confirms or withdraws *reason of PETSc's default test, after `it` iterations of this pass with interface residual `norm`; decides as well if this
+   residual is at the level of rounding. Reasons of other tests of the user stay. Overwrites data->solution, residual, digits. Collective on ksp
 */
 PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason)
 {
@@ -73,7 +79,7 @@ PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPCo
   Vec             residual;
 
   PetscFunctionBegin;
-  if (ksp->normtype == KSP_NORM_NONE && norm == 0.0) PetscFunctionReturn(0); /* most outer KSPs compute no norm then */
+  if (ksp->normtype == KSP_NORM_NONE && norm == 0.0) PetscFunctionReturn(0); /* most outer KSPs compute no norm */
   if (!claim && (*reason || digits)) PetscFunctionReturn(0);
   *reason = ksp->normtype == KSP_NORM_NONE ? KSP_CONVERGED_ATOL : KSP_CONVERGED_ITERATING;
   if (*reason || (it < data->next && digits)) PetscFunctionReturn(0);
@@ -92,9 +98,9 @@ PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPCo
 }
 
 /*
-   Prepares another pass after one that has broken down, at the level of rounding or by decision of the outer KSP: its guess is the
-   current solution, its load the residual. An outer KSP that reports convergence without a test counts as broken down.
-   *again: there is another pass. Collective on ksp
+   Prepares another pass after one that has broken down, at the level of rounding or by decision of the outer KSP: its guess is the current solution, its
+   load the residual. An outer KSP that reports convergence without a test counts as broken down. *again: another pass follows; else ksp->vec_sol is the
+   better of the last two solutions. Collective on ksp
 */
 PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
 {
