@@ -7,7 +7,7 @@
 #include <string.h>
 
 /*
-   Registration of the solver types with PETSc, whichever door the library comes in by.
+   Registration of the solver types with PETSc: by -dll_append of liblatinpc.so, by LatinInitializePackage(), or with the first object that is created.
 */
 
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES);
@@ -16,6 +16,7 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP);
 PETSC_EXTERN PetscErrorCode TSCreate_Latin(TS);
 PETSC_EXTERN PetscErrorCode PetscDLLibraryRegister_latinpc(void);
 
+/* Frees registered laws, and the key of the communicators, at PetscFinalize() */
 static PetscErrorCode LatinFinalizePackage(void)
 {
   PetscFunctionBegin;
@@ -41,7 +42,7 @@ static PetscErrorCode LatinRegisterTypes(void)
 /*@C
   LatinInitializePackage - Registers the TS, SNES, KSP and PC types latin, their classes and log events. May be called again.
 
-  Not collective; after PetscInitialize(). Fails where the PETSc that runs is unlike the one that this was compiled for
+  Not collective; after PetscInitialize(). Fails if the PETSc that runs is unlike the one at compile time
 
   Level: beginner
 
@@ -55,7 +56,7 @@ PetscErrorCode LatinInitializePackage(void)
   PetscFunctionReturn(0);
 }
 
-/* The entry point that -dll_append looks for in a file called liblatinpc.so */
+/* The entry point that -dll_append calls in a file called liblatinpc.so */
 PetscErrorCode PetscDLLibraryRegister_latinpc(void)
 {
   PetscFunctionBegin;
@@ -63,16 +64,16 @@ PetscErrorCode PetscDLLibraryRegister_latinpc(void)
   PetscFunctionReturn(0);
 }
 
-/* The loader runs this function: objects, which lie below the types, register them when they are created */
+/* Run by the loader: gives base/package.c, which does not depend on the types, the function that registers them */
 __attribute__((constructor)) static void LatinOfferTypes(void)
 {
   LatinTypesRegister_Private = LatinRegisterTypes;
 }
 
 /*
-   PETSc derives the name of that entry point from the name of the file and says nothing when there is none: a renamed
-   library would load and register nothing. The loader runs this function in any case. Before MPI starts we are linked
-   to the program, not appended, and the name of the file does not matter.
+   Run by the loader: warns if -dll_append loads a renamed library. PETSc derives the name of the entry point from the name of the file and gives no message
+   if there is none: the library would load and register nothing. Before MPI starts, the library is linked to the program, not appended, and the name of
+   its file does not matter.
 */
 __attribute__((constructor)) static void LatinCheckLibraryName(void)
 {

@@ -2,8 +2,8 @@
 #include <petsc/private/petscimpl.h>
 
 /*
-   An error on one rank must end the call on all ranks, or the others deadlock in the next collective call. All ranks raise the
-   error of the lowest rank with one.
+   Raises on all ranks the error of the lowest rank with one, if any; mine: that of this rank, or 0. An error on one rank must end the call on all, or the
+   others deadlock in the next collective call. Collective on comm
 */
 PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscErrorCode mine, const char message[])
 {
@@ -22,19 +22,19 @@ PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscErrorCode mine, const char
   SETERRQ(comm, (PetscErrorCode)code, "%s", text);
 }
 
-/* The same for an error that PETSc has raised, with its message */
+/* LatinAgree_Private() for an error that PETSc has raised, with its message; ends LatinWatchApart_Private(). Collective on comm */
 PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
 {
   char *message = NULL;
 
   PetscFunctionBegin;
   LatinWatchApart_Private(-1);
-  if (mine) PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
+  if (mine) PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* a char *, const in some versions of PETSc */
   PetscCall(LatinAgree_Private(comm, mine, message ? message : ""));
   PetscFunctionReturn(0);
 }
 
-/* Checks the argument of a setter: a value of the enumeration whose values `names` lists from 0 on, its own name and its prefix behind them. Logically collective on object */
+/* Checks that choice is a value, from 0 on, of an enumeration. names: its values, then its name and its prefix, then NULL. Logically collective on object */
 PetscErrorCode LatinCheckChoice_Private(PetscObject object, const char *const names[], int choice)
 {
   int n = 0;
@@ -46,7 +46,7 @@ PetscErrorCode LatinCheckChoice_Private(PetscObject object, const char *const na
   PetscFunctionReturn(0);
 }
 
-/* *type: n units for each point of a PetscSF, which needs the basic type itself for n = 1 */
+/* Creates the type of n units per point of a PetscSF; n = 1: the unit itself, as a PetscSF needs it. Not collective */
 static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
 {
   PetscFunctionBegin;
@@ -84,7 +84,7 @@ PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, 
   PetscFunctionReturn(0);
 }
 
-/* *sf: entries of a distributed array, `roots` of them on this rank -> leaves, given by their global numbers. Collective on comm */
+/* Creates an SF from a distributed array, `roots` entries of it on this rank, to leaves: the entries of these global numbers. Collective on comm */
 PetscErrorCode LatinSFFetch_Private(MPI_Comm comm, PetscInt roots, PetscInt leaves, const PetscInt number[], PetscSF *sf)
 {
   PetscLayout map;

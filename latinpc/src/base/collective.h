@@ -1,5 +1,5 @@
 /*
-   Collective errors and PetscSF communication.
+   Collective errors, and communication by PetscSF.
 */
 #ifndef LATINCOLLECTIVE_H
 #define LATINCOLLECTIVE_H
@@ -16,7 +16,7 @@ PETSC_INTERN PetscErrorCode LatinSFFresh_Private(PetscSF *);
 
 PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
 
-/* If `bad` holds on any rank of comm, raises the error and message of the lowest such rank on all. Collective on comm */
+/* If `bad` holds on any rank of comm, raises the error and the message of the lowest such rank on all. Collective on comm */
 #define LatinAgree(comm, bad, code, ...) \
   do { \
     char latin_message_[512] = ""; \
@@ -24,7 +24,7 @@ PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
     PetscCall(LatinAgree_Private(comm, (bad) ? code : (PetscErrorCode)0, latin_message_)); \
   } while (0)
 
-/* Runs a call that is not collective; an error on any rank is raised on all, with its message. Collective on comm */
+/* Makes a call that is not collective; raises the error of the lowest rank with one on all, with its message. Collective on comm */
 #define LatinEach(comm, ...) PetscCall((LatinWatchApart_Private(1), LatinAgreeError_Private(comm, __VA_ARGS__)))
 
 #endif

@@ -1,5 +1,5 @@
 /*
-   Changes of PETSc's interface between 3.18 and the newest release. The sources are written for the newest PETSc; this file
+   Changes of PETSc's interface between 3.18 and the newest release, in the order of versions. The sources are written for the newest PETSc; this file
    defines the names that earlier ones lack, so that no other file depends on the version.
 */
 #ifndef LATINCOMPAT_H
@@ -17,9 +17,12 @@
   #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)
 #endif
 
-#define LATIN_PETSC_DIVTOL 1e4 /* PETSc's -snes_divergence_tolerance */
+#define LATIN_PETSC_DIVTOL 1e4 /* default of PETSc's -snes_divergence_tolerance */
 
-/* 3.22: defaults of a type do not override values of the user; PETSC_UNLIMITED replaces -1. Earlier ones know only that the user has set some tolerance: what is still PETSc's default then is not the user's */
+/*
+   3.22: defaults of a type do not override values of the user; PETSC_UNLIMITED replaces -1. Earlier versions only store whether the user has set any
+   tolerance: one that equals PETSc's default then counts as not set
+*/
 #if PETSC_VERSION_LT(3, 22, 0)
   #define LATIN_PETSC_max_its   50
   #define LATIN_PETSC_max_funcs 10000
@@ -31,7 +34,7 @@
   #define PETSC_UNLIMITED (-1)
 #endif
 
-/* 3.23: PetscOptionItems is a pointer itself; a type for destructors */
+/* 3.23: PetscOptionItems is a pointer itself; PetscCtxDestroyFn */
 #if PETSC_VERSION_LT(3, 23, 0)
 typedef PetscOptionItems *LatinOptionItems;
 typedef PetscErrorCode    PetscCtxDestroyFn(void **);

@@ -1,6 +1,6 @@
 #include "base/dense.h"
 
-/* Normalises v; false, without writing, if it is zero. Scaled, so that squares neither overflow nor underflow */
+/* Normalises v, scaled so that squares neither overflow nor underflow. Returns false, and writes nothing, if v is zero */
 PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
 {
   PetscReal scale = 0.0, length = 0.0;
@@ -13,7 +13,7 @@ PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
   return PETSC_TRUE;
 }
 
-/* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), from the R of its QR factorisation */
+/* Computes singular values s, decreasing, and right singular vectors, the columns of V (modes x modes), of A (rows x modes), from the R of its QR factors */
 PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
 {
   PetscScalar *a, *tau, *vt, *work, dummy;
@@ -21,7 +21,7 @@ PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(modes, &n));
-  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows to modes x modes at least */
+  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows to at least modes x modes */
   ld = m;
   PetscCall(PetscBLASIntCast(64 * modes, &lwork));
   PetscCall(PetscMalloc3(modes, &tau, modes * modes, &vt, lwork, &work));
@@ -41,7 +41,7 @@ PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar
   PetscFunctionReturn(0);
 }
 
-/* out (rows x n) = A (rows x modes) times the first n columns of V (modes x modes), each divided by its scale */
+/* Computes out (rows x n): A (rows x modes) times the first n columns of V (modes x modes), each divided by its scale */
 void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[])
 {
   for (PetscInt k = 0; k < n; k++) {
@@ -51,7 +51,7 @@ void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const Petsc
   }
 }
 
-/* Lower Cholesky factor in place, upper part zero. Plain loops: bits do not depend on the alignment of A. False: not positive definite */
+/* Overwrites A by its lower Cholesky factor, zero above. Returns false if A is not positive definite. Plain loops: bits do not depend on its alignment */
 PetscBool LatinCholesky(PetscInt n, PetscReal A[])
 {
   for (PetscInt j = 0; j < n; j++) {
@@ -65,7 +65,7 @@ PetscBool LatinCholesky(PetscInt n, PetscReal A[])
   return PETSC_TRUE;
 }
 
-/* The inverse of a symmetric positive definite matrix in place, from its lower half; sets *bad if it is not positive definite */
+/* Overwrites the symmetric matrix A, read from its lower half, by its inverse. Sets *bad if it is not positive definite */
 PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad)
 {
   PetscBLASInt m, info = 0;
@@ -83,8 +83,8 @@ PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad
 }
 
 /*
-   Eliminates the first `inside` unknowns of a symmetric positive definite matrix in place, from its lower half: their columns become
-   the Cholesky factor, the rest of that half the Schur complement. Sets *bad if it is not positive definite
+   Eliminates the first `inside` unknowns of the symmetric matrix A, read from its lower half, in place: their columns become the Cholesky factor, the rest
+   of that half the Schur complement. Sets *bad if the eliminated part is not positive definite
 */
 PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], PetscBool *bad)
 {
@@ -106,12 +106,12 @@ PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], Pe
   PetscFunctionReturn(0);
 }
 
-/* Unpacks a packed lower triangle, see LatinLowerAt(), in place to the full symmetric matrix, column-major */
+/* Unpacks a packed lower triangle (LatinLowerAt()) in place to the full symmetric matrix */
 void LatinLowerMirror(PetscInt n, PetscReal A[])
 {
   const size_t rows = (size_t)n;
 
-  for (PetscInt c = n - 1; c >= 0; c--) /* from the end on, so that no entry is overwritten before it is moved */
+  for (PetscInt c = n - 1; c >= 0; c--) /* backwards: no entry is overwritten before it has been moved */
     for (PetscInt r = n - 1; r >= c; r--) A[(size_t)r + rows * (size_t)c] = A[LatinLowerAt(n, c) + (size_t)r];
   for (PetscInt c = 0; c < n; c++)
     for (PetscInt r = 0; r < c; r++) A[(size_t)r + rows * (size_t)c] = A[(size_t)c + rows * (size_t)r];

@@ -1,5 +1,5 @@
 /*
-   Small vectors and dense matrices, column-major.
+   Small vectors; dense matrices, column-major, and their factorisations.
 */
 #ifndef LATINDENSE_H
 #define LATINDENSE_H
@@ -7,11 +7,11 @@
 #include <petscsys.h>
 #include <petscblaslapack.h>
 
-/* y = alpha A x + beta y, A symmetric: reads one triangle. Not declared by PETSc */
+/* y = alpha A x + beta y, A symmetric, of which one triangle is read. PETSc does not declare it */
 #define LatinBLASsymv_ PETSCBLAS(symv, SYMV)
 BLAS_EXTERN void LatinBLASsymv_(const char *, const PetscBLASInt *, const PetscScalar *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, PetscScalar *, const PetscBLASInt *);
 
-/* Packed lower triangle of n rows, column by column, each from its diagonal on: entry (r, c) is at LatinLowerAt(n, c) + r */
+/* Packed lower triangle of n rows: columns one after the other, each from its diagonal on. Entry (r, c) is at LatinLowerAt(n, c) + r */
 static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
 {
   return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;

@@ -3,14 +3,15 @@
 #include <string.h>
 
 /*
-   Objects that are equal to the bit are computed once: a structure of repeated modules has few different interfaces,
-   subdomains and groups of them.
+   Search for equal objects. Objects equal to the bit are computed once: a structure of repeated modules has few different interfaces, subdomains and groups
+   of them. Objects are sorted by the hashes of their data; of those with equal hashes the data are compared.
 */
 
+/* Returns a hash of n bytes: FNV-1a by words of 8 bytes, with high bits mixed into low ones */
 uint64_t LatinHash(size_t n, const void *data)
 {
   const unsigned char *bytes = (const unsigned char *)data;
-  uint64_t             hash  = 1469598103934665603u; /* FNV-1a, word by word */
+  uint64_t             hash  = 1469598103934665603u;
 
   for (size_t i = 0; i + sizeof(uint64_t) <= n; i += sizeof(uint64_t)) {
     uint64_t word;
@@ -31,7 +32,7 @@ int LatinKeyCompare(const void *pa, const void *pb)
   return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
 }
 
-/* *room: n more bytes at the end of the stream, valid until the next call */
+/* Appends n bytes to the stream, to be written to *room, which is valid until the next call */
 PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned char **room)
 {
   PetscFunctionBegin;
@@ -49,6 +50,7 @@ PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned c
   PetscFunctionReturn(0);
 }
 
+/* Appends n bytes of data to the stream */
 PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
 {
   unsigned char *room = NULL;
@@ -59,7 +61,7 @@ PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, siz
   PetscFunctionReturn(0);
 }
 
-/* pattern[i]: the first of n objects whose stream equals that of i; make() writes the stream of one object */
+/* Computes pattern, [n]: of each object i, the first one whose stream equals that of i. make() writes the stream of one object */
 PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[])
 {
   LatinStream a = {NULL, 0, 0}, b = {NULL, 0, 0};
@@ -85,7 +87,7 @@ PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(con
 
       b.used = 0;
       PetscCall(make(ctx, key[j].number, &b));
-      if (a.used != b.used) continue; /* a hash collision: the object keeps a pattern of its own */
+      if (a.used != b.used) continue; /* a hash collision: pattern[] stays the object itself */
       PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
       if (same) pattern[key[j].number] = key[i].number;
     }
@@ -112,7 +114,7 @@ static PetscErrorCode LatinRecordStream_Private(const void *ctx, PetscInt i, Lat
   PetscFunctionReturn(0);
 }
 
-/* pattern[i]: the first of n records equal to record i, bytes first[i] to first[i + 1] of data */
+/* Computes pattern, [n]: of each record i, bytes first[i] to first[i + 1] of data, the first record equal to it */
 PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
 {
   const LatinRecords records = {first, (const char *)data};
@@ -122,7 +124,10 @@ PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data
   PetscFunctionReturn(0);
 }
 
-/* list[*count]: the different ones of n numbers, ascending; place[n]: where each of them is there. list has room for n, and may be number itself */
+/*
+   Computes list, [*count]: the different ones of n numbers, ascending; place, [n]: index of each number in list. list has room for n, and may be
+   number itself
+*/
 PetscErrorCode LatinPlaces_Private(PetscInt n, const PetscInt number[], PetscInt *count, PetscInt list[], PetscInt place[])
 {
   PetscInt low = n ? PETSC_MAX_INT : 0, high = -1, *table;

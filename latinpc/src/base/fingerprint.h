@@ -6,6 +6,7 @@
 
 #include <petscsys.h>
 
+/* Hash and number of an object, to be sorted */
 typedef struct {
   uint64_t hash;
   PetscInt number;
@@ -15,10 +16,10 @@ PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
 PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
 PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
 
-/* All data that an object depends on as a stream of bytes, to hash and compare */
+/* All data that an object depends on, as a stream of bytes to hash and compare */
 typedef struct {
   unsigned char *bytes;
-  size_t         used, size;
+  size_t         used, size; /* bytes written, bytes allocated */
 } LatinStream;
 PETSC_INTERN PetscErrorCode LatinStreamRoom_Private(LatinStream *, size_t, unsigned char **);
 PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
@@ -26,7 +27,7 @@ PETSC_INTERN PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCod
 
 PETSC_INTERN PetscErrorCode LatinPlaces_Private(PetscInt n, const PetscInt number[], PetscInt *count, PetscInt list[], PetscInt place[]);
 
-/* Bit mixer: the finaliser of MurmurHash3 */
+/* Mixes the bits of h: the finaliser of MurmurHash3 */
 static inline uint64_t LatinMix(uint64_t h)
 {
   h ^= h >> 33;
@@ -36,7 +37,7 @@ static inline uint64_t LatinMix(uint64_t h)
   return h ^ (h >> 33);
 }
 
-/* Disjoint sets (union-find), represented by their least member: LatinRoot() finds, LatinJoin() merges */
+/* Disjoint sets (union-find), represented by their least members: LatinRoot() finds that of the set of i, LatinJoin() merges the sets of i and j */
 static inline PetscInt LatinRoot(PetscInt parent[], PetscInt i)
 {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];

@@ -1,5 +1,5 @@
 /*
-   Common to all folders: constants of the precision, the classes and log events that package.c registers.
+   Common to all folders: constants of the precision; classes and log events, which base/package.c registers.
 */
 #ifndef LATINBASE_H
 #define LATINBASE_H
@@ -18,9 +18,9 @@
   #define LatinByPrecision(in_double, in_single) in_double
 #endif
 
-#define LATIN_LEAST LatinByPrecision(1e-146, 1e-15) /* the least number whose square has all its digits */
+#define LATIN_LEAST LatinByPrecision(1e-146, 1e-15) /* least number whose square has all its digits */
 
-/* part / whole, neither negative; 0 / 0 = 0, otherwise infinite if whole is 0 or NaN */
+/* Returns part / whole, neither of them negative; 0 / 0 = 0; else infinity if whole is 0 or NaN */
 static inline PetscReal LatinRatio(PetscReal part, PetscReal whole)
 {
   return whole > 0.0 ? part / whole : part == 0.0 && whole == 0.0 ? 0.0 : INFINITY;
@@ -30,7 +30,7 @@ PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate, LATIN_Cases;
 
 PETSC_INTERN PetscErrorCode LatinRegisterClasses_Private(void);
-/* Registers the solver types; set by register.c when the library is loaded */
+/* Registers the solver types; set by register.c when the library is loaded, NULL: none */
 PETSC_INTERN PetscErrorCode (*LatinTypesRegister_Private)(void);
 
 #endif

@@ -1,8 +1,8 @@
 #include "base/latinbase.h"
 
 /*
-   Registration of classes and log events; check of the PETSc at run time. All objects depend on this file; the solver types, which
-   depend on the objects, are registered by register.c.
+   Check of PETSc at run time; registration of classes and log events. All objects depend on this file; the solver types, which depend on the objects, are
+   registered by register.c.
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
@@ -12,6 +12,7 @@ static PetscBool registered = PETSC_FALSE;
 
 PetscErrorCode (*LatinTypesRegister_Private)(void) = NULL;
 
+/* Resets at PetscFinalize(): the next PetscInitialize() registers again */
 static PetscErrorCode LatinForgetClasses(void)
 {
   PetscFunctionBegin;
@@ -19,13 +20,14 @@ static PetscErrorCode LatinForgetClasses(void)
   PetscFunctionReturn(0);
 }
 
-/* Properties of a PETSc that a compiled library depends on */
+/* Properties of PETSc that a compiled library depends on */
 typedef struct {
   int           major, minor, release;
   size_t        integer; /* bytes of a PetscInt */
   PetscDataType real, scalar;
 } LatinPetsc;
 
+/* Writes the properties to text, [n] */
 static PetscErrorCode LatinPetscDescribe(const LatinPetsc *petsc, char text[], size_t n)
 {
   PetscFunctionBegin;
@@ -35,8 +37,8 @@ static PetscErrorCode LatinPetscDescribe(const LatinPetsc *petsc, char text[], s
 }
 
 /*
-   Fails if the PETSc of the program is not like the one at compile time: the loader compares names alone, which are the same in
-   all versions. The calls here work for any answer: a PetscInt may have four bytes or eight, a PetscBool one or four.
+   Checks that the PETSc of the program is like the one at compile time: the loader compares names alone, which are the same in all versions. The calls here
+   work with any PETSc: a PetscInt may have four bytes or eight, a PetscBool one or four.
 */
 static PetscErrorCode LatinCheckPetsc(void)
 {
@@ -65,7 +67,7 @@ static PetscErrorCode LatinCheckPetsc(void)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_LIB, "liblatinpc was compiled for %s, but runs with %s: build it again with the PETSc of this program (pip install --no-build-isolation --force-reinstall . where petsc4py uses that PETSc)", ours, its);
 }
 
-/* Registers classes, events and solver types once; fails if the PETSc does not fit. Not collective */
+/* Registers classes, events and solver types, once; an error if the PETSc does not fit. Not collective */
 PetscErrorCode LatinRegisterClasses_Private(void)
 {
   PetscFunctionBegin;

@@ -8,10 +8,12 @@
   #include <time.h>
 #endif
 
-#define LATIN_SMALL_PAGE 4096
+/* Memory of large arrays: aligned to cache lines, in huge pages if these are fast; return of unused pages to the system. */
+
+#define LATIN_SMALL_PAGE 4096 /* bytes of a page */
 
 #if defined(MADV_HUGEPAGE)
-/* Processor time of the page faults of LATIN_PAGE bytes, as a huge page or as small pages */
+/* Returns the processor time, s, of the page faults of LATIN_PAGE bytes, as a huge page or as small ones */
 static PetscReal LatinPageTime(char *room, int advice)
 {
   struct timespec start = {0}, end = {0};
@@ -24,8 +26,8 @@ static PetscReal LatinPageTime(char *room, int advice)
 }
 
 /*
-   Touches huge pages until the fault of one takes longer than those of small pages. This happens on virtual machines that return free
-   memory to their host by huge pages: the next fault waits for the host, a hundred times as long as reading the page
+   Touches huge pages until the fault of one takes longer than those of small pages; the rest gets small pages. Faults are slow on virtual machines that
+   return free memory to their host by huge pages: they wait for the host, a hundred times as long as reading the page takes
 */
 static void LatinRoomHugePages(char *room, size_t bytes)
 {
@@ -37,7 +39,7 @@ static void LatinRoomHugePages(char *room, size_t bytes)
 }
 #endif
 
-/* Allocates a large array; its first `early` bytes may be touched at once, in huge pages, the others on their first use */
+/* Allocates a large array. Its first `early` bytes may be touched at once, in huge pages; the others are at their first use */
 PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **room)
 {
   PetscFunctionBegin;
@@ -59,8 +61,8 @@ PetscErrorCode LatinRoomDestroy_Private(void **room)
 }
 
 /*
-   Returns free pages to the system after `bytes` bytes have been freed. The C library does so by itself, but not in a process with
-   SuperLU_DIST, as of a PETSc with this package: freed memory would add to later peaks
+   Returns free pages to the system after `bytes` bytes have been freed. The C library does so by itself, but not in a process with SuperLU_DIST, which
+   PETSc may include: freed memory would add to later peaks
 */
 void LatinRoomTrim(size_t bytes)
 {
@@ -69,7 +71,7 @@ void LatinRoomTrim(size_t bytes)
 #endif
 }
 
-/* Discards whole pages inside these bytes; they read as zeros until written again. *first to *last: the bytes returned, none if the system refuses */
+/* Discards whole pages inside these bytes, which then read as zeros. *first to *last: the discarded bytes, none if the system refuses */
 static void LatinRoomDiscard(char *room, size_t bytes, char **first, char **last)
 {
   *first = *last = room;
@@ -84,7 +86,7 @@ static void LatinRoomDiscard(char *room, size_t bytes, char **first, char **last
 #endif
 }
 
-/* Releases memory that is no longer needed to the system; any part of an array */
+/* Returns a part of an array that is no longer needed to the system; it may be written again */
 void LatinRoomRelease(void *room, size_t bytes)
 {
   char *first, *last;
@@ -92,7 +94,7 @@ void LatinRoomRelease(void *room, size_t bytes)
   LatinRoomDiscard((char *)room, bytes, &first, &last);
 }
 
-/* Zeros bytes, large parts by returning their pages */
+/* Zeros bytes, large parts by discarding their pages */
 void LatinRoomZero(void *room, size_t bytes)
 {
   char *start = (char *)room, *first = start, *last = start;

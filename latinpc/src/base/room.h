@@ -1,11 +1,11 @@
-/* Memory of large arrays: aligned to cache lines, in huge pages if available; return of unused pages to the system. */
+/* Memory of large arrays (base/room.c) */
 #ifndef LATINROOM_H
 #define LATINROOM_H
 
 #include "base/latinbase.h"
 
-#define LATIN_PAGE 2097152 /* bytes of a large page */
-#define LATIN_LINE 64      /* bytes of a cache line, and of the longest vector register */
+#define LATIN_PAGE 2097152 /* bytes of a huge page */
+#define LATIN_LINE 64      /* bytes of a cache line, and of the longest vector registers */
 
 PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **);
 PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);

@@ -1,13 +1,13 @@
-/* Loops by vector instructions. */
+/* Macros for loops by vector instructions. */
 #ifndef LATINVECTOR_H
 #define LATINVECTOR_H
 
-#include <stdlib.h> /* which defines __GLIBC__ */
+#include <stdlib.h> /* defines __GLIBC__ */
 
-/* Compiled for several instruction sets, of which the processor chooses */
+/* LATIN_CLONES: compiles a function for several instruction sets, one of which is chosen for the processor at run time */
 #if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
   #define LATIN_CLONES      __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-  #define LatinClonesWide() __builtin_cpu_supports("avx512vl") /* is the first of them chosen? */
+  #define LatinClonesWide() __builtin_cpu_supports("avx512vl") /* whether the first of them is chosen */
 #else
   #define LATIN_CLONES
   #define LatinClonesWide() 0
