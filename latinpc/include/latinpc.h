@@ -1,6 +1,5 @@
 /*
-   The public C interface of liblatinpc: the scalable multiscale LATIN domain decomposition method
-   as PETSc solver types.
+   The public C interface of liblatinpc: the scalable multiscale LATIN domain decomposition method as PETSc solver types.
 
    Equation numbers are those of P. Alart, D. Dureisseix, "A scalable multiscale LATIN method adapted
    to nonsmooth discrete media", Comput. Methods Appl. Mech. Engrg. 197 (2008) 319-331.
@@ -14,21 +13,21 @@
 #define LATINPC_VERSION_MINOR    1
 #define LATINPC_VERSION_SUBMINOR 0
 
-/* The names under which the solver types are registered */
+/* Names of the solver types */
 #define SNESLATIN "latin"
 #define KSPLATIN  "latin"
 #define PCLATIN   "latin"
 #define TSLATIN   "latin"
 
-/* Constitutive laws of a link, table `structure/laws.c` */
+/* Constitutive laws of a link: tension tau as a function of the strain e + e0; their table is in structure/laws.c */
 typedef enum {
   LATIN_LAW_BAR,              /* tau = k (e + e0)              (2)      */
   LATIN_LAW_CABLE,            /* tau = k max(e + e0, 0)        (4), (5) */
   LATIN_LAW_COMPRESSION_ONLY, /* tau = k min(e + e0, 0), the mirror image of a cable; an elastic contact with gap e0 */
   LATIN_LAW_INEXTENSIBLE,     /* 0 <= -(e + e0), tau >= 0, one of them zero (3) */
   LATIN_LAW_CONTACT,          /* 0 <= e + e0, tau <= 0, one of them zero: rigid contact with gap e0 */
-  LATIN_LAW_FRICTION,         /* the same with Coulomb friction: the normal part, before dim - 1 tangential ones */
-  LATIN_LAW_TANGENT           /* tangential part of the contact before it: |tau_t| <= mu |tau_n|, against the slip */
+  LATIN_LAW_FRICTION,         /* normal part of a rigid contact with Coulomb friction, followed by dim - 1 tangential parts */
+  LATIN_LAW_TANGENT           /* tangential part of that contact: |tau_t| <= mu |tau_n|, against the slip */
 } LatinLawType;
 PETSC_EXTERN const char *const LatinLawTypes[];
 
@@ -37,7 +36,7 @@ typedef struct {
   PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau, not decreasing with x */
   PetscReal (*tangent)(PetscReal k, PetscReal x, void *ctx);             /* an element of the generalised derivative */
   PetscReal (*energy)(PetscReal k, PetscReal x, void *ctx);              /* the potential whose derivative is the tension */
-  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y, void *ctx); /* tau - k e where tau + k e = y, or NULL */
+  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y, void *ctx); /* tau - k e at the e with tau + k e = y; NULL: by Newton's method */
   void *ctx;
 } LatinLawFunctions;
 
@@ -46,7 +45,7 @@ typedef enum {
   LATIN_VARIANT_NONE,      /* 4.1: micro quantities only               */
   LATIN_VARIANT_MACRO,     /* 4.2: the whole displacement is macro     */
   LATIN_VARIANT_CORNER,    /* 4.4: one displacement per node, section 5 */
-  LATIN_VARIANT_PUBLISHED, /* the same with the micro springs of (28) on corners, as the article has them */
+  LATIN_VARIANT_PUBLISHED, /* the same with the micro springs of (28) on corners, as in the article */
   LATIN_VARIANT_PRIMAL,    /* one displacement per node of every interface: no micro quantities but those of links */
   LATIN_VARIANT_AUTO       /* primal, or corner if most subdomains repeat others */
 } LatinVariant;
@@ -61,7 +60,7 @@ PETSC_EXTERN const char *const LatinModesTypes[];
 
 /* Partitioner, unless the caller sets a partition */
 typedef enum {
-  LATIN_PARTITIONER_AUTO,    /* METIS; on several ranks parallel, if the structure is too large for one of them */
+  LATIN_PARTITIONER_AUTO,    /* METIS; parallel if the structure is too large for one of several ranks */
   LATIN_PARTITIONER_METIS,   /* METIS on one rank */
   LATIN_PARTITIONER_PARALLEL /* PT-Scotch or ParMETIS on all ranks */
 } LatinPartitioner;
@@ -87,12 +86,12 @@ PETSC_EXTERN const char *const LatinPrecisions[];
 
 /* Convergence criterion of SNES latin */
 typedef enum {
-  LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
+  LATIN_STOP_INDICATOR, /* relative distance of the two stages, against -snes_stol */
   LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
-  LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
-  LATIN_STOP_ERROR,     /* estimated error of the displacements of all subdomains, relative, against -snes_latin_error */
-  LATIN_STOP_ENERGY,    /* the same in the energy norm of the links, all taut */
-  LATIN_STOP_AUTO       /* error; indicator if -snes_stol is set, or if nothing is left to estimate */
+  LATIN_STOP_REFERENCE, /* l2 error relative to a given reference, against -snes_stol */
+  LATIN_STOP_ERROR,     /* estimated relative error of the displacements of all subdomains, against -snes_latin_error */
+  LATIN_STOP_ENERGY,    /* the same in the energy norm of the links, all counted as taut */
+  LATIN_STOP_AUTO       /* error; indicator with -snes_stol, for bars alone in one coarse problem, for rigid links in single precision */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
@@ -106,15 +105,15 @@ PETSC_EXTERN const char *const LatinGeometries[];
 
 /* Initial state of a solve of SNES latin after a converged one */
 typedef enum {
-  LATIN_WARM_START_NONE,       /* displacements in the solution vector */
-  LATIN_WARM_START_LAST,       /* state of the last solve */
+  LATIN_WARM_START_NONE,       /* from the displacements in the solution vector */
+  LATIN_WARM_START_LAST,       /* the state of the last solve */
   LATIN_WARM_START_EXTRAPOLATE /* extrapolated from the states of the last two */
 } LatinWarmStart;
 PETSC_EXTERN const char *const LatinWarmStarts[];
 
 /* Switch from the iteration of SNES latin to Newton's method */
 typedef enum {
-  LATIN_NEWTON_AUTO, /* on stagnation, divergence or loss by rounding of the iteration; and to prove an error */
+  LATIN_NEWTON_AUTO, /* if the iteration stagnates, diverges or ends in rounding, and to prove an error */
   LATIN_NEWTON_NEVER
 } LatinNewtonType;
 PETSC_EXTERN const char *const LatinNewtonTypes[];
@@ -124,28 +123,28 @@ typedef struct _p_LatinStructure *LatinStructure;
 /* The method: subdomains, interfaces, operators of the two stages (sections 3 to 5) */
 typedef struct _p_Latin *Latin;
 
-/* Size of the decomposition, as in Table 3 */
+/* Sizes of the decomposition, as in Table 3, over all ranks */
 typedef struct {
   PetscInt  subdomains;
   PetscInt  strong_interfaces;
   PetscInt  weak_interfaces;
-  PetscInt  strong_macro_dofs;                            /* unknowns of the coarse problem on strong interfaces */
-  PetscInt  weak_dofs;                                    /* unknowns of the coarse problem on weak interfaces or corners */
-  PetscInt  coarse_size, coarse_levels;                   /* rows of the matrix of the coarse KSP, levels of groups condensed before */
-  PetscInt  local_macro_dofs;                             /* strong_macro_dofs of local low-energy fields */
-  PetscInt  low_energy_subdomains, local_modes_max;       /* subdomains with such fields, most of them in one subdomain */
-  PetscInt  micro_sides;                                  /* nodes of interface sides that carry micro quantities */
-  PetscInt  state_size;                                   /* length of the fixed-point unknown z */
+  PetscInt  strong_macro_dofs;                            /* coarse unknowns of strong interfaces */
+  PetscInt  weak_dofs;                                    /* coarse unknowns of weak interfaces or corners */
+  PetscInt  coarse_size, coarse_levels;                   /* rows of the coarse KSP's matrix; levels of groups condensed before */
+  PetscInt  local_macro_dofs;                             /* those of strong_macro_dofs that are local low-energy fields */
+  PetscInt  low_energy_subdomains, local_modes_max;       /* subdomains with such fields; most fields of one subdomain */
+  PetscInt  micro_sides;                                  /* nodes, summed over interface sides, with micro quantities */
+  PetscInt  state_size;                                   /* length of the fixed-point unknown */
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
 } LatinStatistics;
 
 /* Cost of a decomposition */
 typedef struct {
   const char *choice;                          /* how the number of subdomains was chosen; borrowed */
-  PetscReal   factor_operations, factor_bytes; /* of the factors of the subdomains, by symbolic analysis; 0: unknown for this local solver */
-  PetscReal   setup_seconds;
-  PetscInt    linear_stages; /* since the set-up */
-  PetscReal   stage_seconds; /* mean time of a linear stage */
+  PetscReal   factor_operations, factor_bytes; /* of the factors of the subdomains; 0: unknown for this local solver */
+  PetscReal   setup_seconds;                   /* time of the last set-up */
+  PetscInt    linear_stages;                   /* number since the set-up */
+  PetscReal   stage_seconds;                   /* mean time of a linear stage */
 } LatinCost;
 
 PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
