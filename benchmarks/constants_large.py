@@ -237,19 +237,22 @@ LARGE = {
     "LATIN_BRANCH_LESS": ("times less", "Displacements are a quarter, or half: well apart from each other and from 1."),
     "LATIN_BRANCH_NEARER": ("ratio", "Between 1/2, of what buckles and bears more, and 1, of what snaps through."),
     "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
-    "LATIN_BRANCH_TRIES": ("tries", "Of 60 braced towers with symmetric loads 50 are solved with 1, 55 with 3."),
-    "LATIN_BRANCH_FURTHER": ("ratio", "From 0.0016 to 0.1 of the path in three tries."),
-    "LATIN_BRANCH_POWER": ("steps", "Of 60 braced towers one more fails with 3."),
-    "LATIN_BRANCH_NOTHING": (
-        "of the stiffness",
-        "Linkages, pantographs and prisms: 180, of which 6 more are solved; those that loads make snap are refused as "
-        "before.",
-    ),
-    "LATIN_BRANCH_DISTURBS": (
+    "LATIN_PATH_DISTURBS": (
         "of the size",
         "Forces of this far along the mode are above the balance of a descent; displacements ahead alone, of a strut"
         " that is stiff along its path, are not.",
     ),
+    "LATIN_PANELS_HEAVY": (
+        "of the size",
+        "PANELS",
+    ),
+    "LATIN_PANELS_LIGHTER": ("ratio", "PANELS"),
+    "LATIN_PANELS_CLOSE": ("ratio", "PANELS"),
+    "LATIN_PANELS_LINEAR": ("ratio", "PANELS"),
+    "LATIN_PANELS_STATES": ("states", "PANELS"),
+    "LATIN_PANELS_BRANCH": ("of the path", "PANELS"),
+    "LATIN_DESCENT_FORCES": ("of the loads", "PANELS"),
+    "LATIN_DESCENT_NEAR": ("steps", "PANELS"),
     "LATIN_PATH_KINK": (
         "of the displacements",
         "Where a cable slackens a tower was 13 times softer, with smaller increments than 1e-4 of the loads before.",

@@ -11,35 +11,54 @@
 
    To distinguish them, two stable states are sought by descents from the last stable equilibrium, disturbed along its softest mode: under
    slightly more loads, and under a part of these. Displacements along a branch grow from zero with the loads, or as their root. A
-   snap-through leads equally far under both, and no less far under the smaller loads of the try before.
+   snap-through leads equally far under both. First the first cause is sought by itself (snes/largepanels.c).
 */
 
-#define LATIN_BRANCH_AHEAD    (16.0 * LATIN_PATH_LEAST) /* part of the path: step onto a branch */
-#define LATIN_BRANCH_LESS     4.0                       /* divisor of this step for the second state, which shows the kind of branch */
-#define LATIN_BRANCH_NEARER   0.75                      /* largest ratio of both distances on a branch: they grow as the loads (1/4) or as their root (1/2) */
-#define LATIN_BRANCH_LINEAR   0.35                      /* the same of a panel that shears, between 1/4 and the 1/2 of buckling */
-#define LATIN_BRANCH_TRIES    3                         /* most lengths of the step if links are at kinks of their laws */
-#define LATIN_BRANCH_FURTHER  8.0                       /* ratio of these lengths; in short steps rounding hides the direction in which the energy falls */
-#define LATIN_BRANCH_POWER    8                         /* iterations of the power method */
-#define LATIN_BRANCH_NOTHING  1e-2                      /* a stiffness below this part of the whole one is zero to the power method */
-#define LATIN_BRANCH_DISTURBS 1e-6                      /* disturbance along the mode, relative to the size, beside the predicted displacement */
+#define LATIN_BRANCH_AHEAD  (16.0 * LATIN_PATH_LEAST) /* part of the path: step onto a branch */
+#define LATIN_BRANCH_LESS   4.0                       /* divisor of this step for the second state, which shows the kind of branch */
+#define LATIN_BRANCH_NEARER 0.75                      /* largest ratio of both distances on a branch: they grow as the loads (1/4) or as their root (1/2) */
+#define LATIN_BRANCH_LINEAR 0.35                      /* the same of a panel that shears, between 1/4 and the 1/2 of buckling */
 
-/* Descends from v to an equilibrium under that part of the path; *stable: found, in v, and stable. Overwrites path->step. Collective on snes */
-static PetscErrorCode LatinBranchSettle_Private(SNES snes, LatinPath *path, PetscReal part, Vec v, PetscBool *stable)
+/* Operators at u, for the loads of that part of the path. Collective on snes */
+static PetscErrorCode LatinBranchOperators_Private(SNES snes, const LatinPath *path, Vec u, PetscReal part)
 {
-  SNES_Latin *data    = (SNES_Latin *)snes->data;
-  PetscBool   heavier = PETSC_FALSE;
-
   PetscFunctionBegin;
-  PetscCall(VecCopy(path->u, snes->vec_sol));
+  PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(SNESLatinLargeDescend_Private(snes, PETSC_TRUE, &heavier, v, stable));
-  if (!*stable) PetscFunctionReturn(0);
+  PetscFunctionReturn(0);
+}
+
+/* Solves from v. *stable: it converges, to a stable equilibrium, which is in v then. Overwrites path->step. Collective on snes */
+static PetscErrorCode LatinBranchSolve_Private(SNES snes, const LatinPath *path, Vec v, PetscBool *stable)
+{
+  PetscFunctionBegin;
   PetscCall(SNESLatinLargeFrom_Private(snes, v, PETSC_TRUE, NULL));
-  *stable = LatinNextConverged(data->next);
-  PetscCall(VecCopy(snes->vec_sol, v));
-  if (*stable) PetscCall(LatinPathStable_Private(snes, path, v, stable));
+  *stable = LatinNextConverged(((SNES_Latin *)snes->data)->next);
+  if (*stable) PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, stable));
+  if (*stable) PetscCall(VecCopy(snes->vec_sol, v));
+  PetscFunctionReturn(0);
+}
+
+/* Descends from v to an equilibrium under that part of the path, with operators at u; *stable: found, in v, and stable. Overwrites path->step. Collective on snes */
+PetscErrorCode LatinPathDown_Private(SNES snes, const LatinPath *path, Vec u, PetscReal part, Vec v, PetscBool *stable)
+{
+  PetscBool heavier = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(LatinBranchOperators_Private(snes, path, u, part));
+  PetscCall(SNESLatinLargeDescend_Private(snes, PETSC_TRUE, &heavier, v, stable));
+  if (*stable) PetscCall(LatinBranchSolve_Private(snes, path, v, stable));
+  PetscFunctionReturn(0);
+}
+
+/* The same, from a guess v that is near that equilibrium: a descent only if a solve does not find it. Collective on snes */
+PetscErrorCode LatinPathNear_Private(SNES snes, const LatinPath *path, PetscReal part, Vec v, PetscBool *stable)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinBranchOperators_Private(snes, path, v, part));
+  PetscCall(LatinBranchSolve_Private(snes, path, v, stable));
+  if (!*stable) PetscCall(LatinPathDown_Private(snes, path, v, part, v, stable));
   PetscFunctionReturn(0);
 }
 
@@ -55,56 +74,6 @@ static PetscErrorCode LatinBranchMode_Private(SNES snes, const LatinPath *path, 
 }
 
 /*
-   Finds in *kinks whether links are nearer to a kink of their law than the requested error. If so, computes the mode that loses most
-   stiffness on their softer sides, of length 1: with K the tangent stiffness (stiffer sides) and K' that of the softer sides, the
-   eigenvector of the largest mu in (K - K') x = mu K x, by the power method. Sets path->slackens: K' is nearly zero in that mode.
-   Collective on snes
-*/
-static PetscErrorCode LatinBranchKinks_Private(SNES snes, LatinPath *path, Vec mode, PetscBool *kinks)
-{
-  LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
-  PetscReal      moved = 0.0, drop = 1.0, force, *slope;
-  PetscScalar    whole, less;
-  KSP            ksp;
-  Mat            K, softer;
-  Vec            f, g;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinSupportsAt_Private(snes, ((SNES_Latin *)snes->data)->large.reached));
-  PetscCall(DMGetGlobalVector(structure->dm, &f));
-  PetscCall(DMGetGlobalVector(structure->dm, &g));
-  PetscCall(LatinTurningMatCreate_Private(structure, &softer));
-  PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* not NULL without links either */
-  PetscCall(LatinPathSlopes_Private(snes, path->u, PETSC_FALSE, slope));
-  structure->slope = slope;
-  PetscCall(LatinTurningMatCompute_Private(structure, path->u, softer));
-  structure->slope = NULL;
-  PetscCall(PetscFree(slope));
-  PetscCall(SNESLatinLargeTangent_Private(snes, path->u, &ksp));
-  PetscCall(KSPGetOperators(ksp, &K, NULL));
-  PetscCall(LatinPathForces_Private(mode));
-  for (PetscInt k = 0; k < LATIN_BRANCH_POWER && drop > 0.0 && moved < PETSC_MAX_REAL; k++) {
-    PetscCall(VecNormalize(mode, NULL));
-    PetscCall(MatMult(K, mode, f));
-    PetscCall(MatMult(softer, mode, g));
-    PetscCall(VecNorm(f, NORM_2, &force));
-    PetscCall(VecDot(mode, f, &whole));
-    PetscCall(VecDot(mode, g, &less));
-    path->slackens = (PetscBool)(PetscRealPart(less) <= LATIN_BRANCH_NOTHING * PetscRealPart(whole));
-    PetscCall(VecAXPY(f, -1.0, g));
-    PetscCall(VecNorm(f, NORM_2, &drop));
-    if (drop <= PETSC_SQRT_MACHINE_EPSILON * force) drop = 0.0;
-    else PetscCall(SNESLatinLargePredict_Private(snes, path->u, f, mode, &moved));
-  }
-  *kinks = (PetscBool)(drop > 0.0);
-  PetscCall(VecNormalize(mode, NULL));
-  PetscCall(MatDestroy(&softer));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &g));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &f));
-  PetscFunctionReturn(0);
-}
-
-/*
    Seeks a stable equilibrium v near path->u along the mode, `more` of the path further. *beside: its largest displacement of a node from
    path->u; PETSC_MAX_REAL: none. Overwrites path->step. Collective on snes
 */
@@ -115,8 +84,8 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
   PetscFunctionBegin;
   *beside = PETSC_MAX_REAL;
   PetscCall(VecWAXPY(v, more, path->ahead, path->u));
-  PetscCall(VecAXPY(v, more * path->far + LATIN_BRANCH_DISTURBS * ((SNES_Latin *)snes->data)->large.size, mode));
-  PetscCall(LatinBranchSettle_Private(snes, path, ((SNES_Latin *)snes->data)->large.reached + more, v, &stable));
+  PetscCall(VecAXPY(v, more * path->far + LATIN_PATH_DISTURBS * ((SNES_Latin *)snes->data)->large.size, mode));
+  PetscCall(LatinPathDown_Private(snes, path, path->u, ((SNES_Latin *)snes->data)->large.reached + more, v, &stable));
   if (!stable) PetscFunctionReturn(0);
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
   PetscCall(VecNorm(path->step, NORM_INFINITY, beside));
@@ -126,13 +95,9 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
 /*
    Returns in *begins whether a branch begins at path->u along the mode; then v is on it, `more` of the path further.
 
-     past:    distance of the nearest state in the try before; 0: none
-     *linear: displacements grow as the loads, as of a panel that shears, not as their root, as in buckling
-     *far:    distance of v from path->u; PETSC_MAX_REAL: none
-
-   Collective on snes
+   *linear: displacements grow as the loads, as of a panel that shears, not as their root, as in buckling. Collective on snes
 */
-static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, PetscReal past, Vec v, PetscBool *begins, PetscBool *linear, PetscReal *far)
+static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec mode, PetscReal more, Vec v, PetscBool *begins, PetscBool *linear)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
   PetscReal         less, beside = PETSC_MAX_REAL;
@@ -141,8 +106,7 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
   PetscCall(LatinBranchSeek_Private(snes, path, mode, more / LATIN_BRANCH_LESS, v, &less));
   if (less < PETSC_MAX_REAL) PetscCall(LatinBranchSeek_Private(snes, path, mode, more, v, &beside));
   *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside && less * LATIN_BRANCH_LESS * LATIN_BRANCH_LESS >= beside * LATIN_BRANCH_LINEAR);
-  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside && past <= LATIN_BRANCH_NEARER * less);
-  *far    = beside;
+  *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside);
   PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
   PetscFunctionReturn(0);
 }
@@ -155,17 +119,15 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
   const PetscReal   more  = target->part - large->reached;
-  PetscBool         kinks;
   Vec               v;
 
   PetscFunctionBegin;
   *settles = PETSC_FALSE;
   if (!large->sheared || path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
-  PetscCall(LatinBranchKinks_Private(snes, path, v, &kinks));
-  if (!kinks) PetscCall(LatinBranchMode_Private(snes, path, v));
-  PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURBS * large->size, target->u));
-  PetscCall(LatinBranchSettle_Private(snes, path, target->part, v, settles));
+  PetscCall(LatinBranchMode_Private(snes, path, v));
+  PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_PATH_DISTURBS * large->size, target->u));
+  PetscCall(LatinPathDown_Private(snes, path, path->u, target->part, v, settles));
   if (*settles) PetscCall(VecCopy(v, target->u));
   PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
   PetscFunctionReturn(0);
@@ -177,29 +139,22 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
 */
 PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *goes)
 {
-  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  PetscBool   kinks, linear = PETSC_FALSE, begins = PETSC_FALSE;
-  PetscReal   more = 0.0, past = 0.0, far = PETSC_MAX_REAL;
-  Vec         v, mode[2];
+  LatinLarge *large  = &((SNES_Latin *)snes->data)->large;
+  PetscBool   linear = PETSC_FALSE, begins = PETSC_FALSE;
+  PetscReal   more = PetscMin(LATIN_BRANCH_AHEAD, 1.0 - large->reached);
+  Vec         v, mode;
 
   PetscFunctionBegin;
   *goes = PETSC_FALSE;
   if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
-  for (PetscInt i = 0; i < 2; i++) PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode[i]));
-  PetscCall(LatinBranchKinks_Private(snes, path, mode[0], &kinks));
-  PetscCall(LatinBranchMode_Private(snes, path, mode[1]));
-  for (PetscInt k = 0; k < (kinks ? LATIN_BRANCH_TRIES : 1) && !begins && more < 1.0 - large->reached; k++) {
-    PetscReal nearest = PETSC_MAX_REAL;
-
-    more = PetscMin(k ? LATIN_BRANCH_FURTHER * more : LATIN_BRANCH_AHEAD, 1.0 - large->reached);
-    for (PetscInt i = kinks ? 0 : 1; i < 2 && !begins; i++) {
-      PetscCall(LatinBranchBegins_Private(snes, path, mode[i], more, past, v, &begins, &linear, &far));
-      if (k) begins = (PetscBool)(begins && linear);
-      nearest = PetscMin(nearest, far);
-    }
-    past = nearest < PETSC_MAX_REAL ? nearest : 0.0;
+  if (!path->unloaded || large->reached > 0.0) {
+    PetscCall(LatinPathPanels_Private(snes, path, goes));
+    if (*goes) PetscFunctionReturn(0);
   }
+  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
+  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode));
+  PetscCall(LatinBranchMode_Private(snes, path, mode));
+  PetscCall(LatinBranchBegins_Private(snes, path, mode, more, v, &begins, &linear));
   *goes = (PetscBool)(begins && linear);
   if (begins && !*goes) large->branch = large->reached;
   if (*goes) {
@@ -209,7 +164,7 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
     large->sheared = PETSC_TRUE;
     path->failed   = PETSC_MAX_REAL;
   }
-  for (PetscInt i = 0; i < 2; i++) PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &mode[i]));
+  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &mode));
   PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
   PetscFunctionReturn(0);
 }

@@ -19,9 +19,11 @@
 
 #define LATIN_DESCENT_RADIUS  0.1                           /* initial radius of the trust region, relative to the size of the structure */
 #define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* unbalanced forces at the end, relative to stiffness times size; Newton's method goes on */
+#define LATIN_DESCENT_FORCES  1e-9                          /* the same near the start, relative to the loads: small loads, too, lead off a symmetric state */
 #define LATIN_DESCENT_RTOL    1e-3                          /* rtol of a linear solve */
 #define LATIN_DESCENT_SOON    30                            /* most steps of the first descent; 200: rotations and units change which state towers find */
 #define LATIN_DESCENT_STEPS   1000                          /* most steps of every other descent */
+#define LATIN_DESCENT_NEAR    200                           /* most steps of a descent that should stay near its start */
 #define LATIN_DESCENT_HEAVY   0.1                           /* heaviest loads, relative to stiffness times size */
 #define LATIN_DESCENT_LIGHTER 10.0                          /* ratio of successive loads */
 #define LATIN_DESCENT_AWAY    0.05                          /* a descent that should stay near its start may move nodes by this part of the size */
@@ -32,6 +34,7 @@ typedef struct {
   Vec            load, weight; /* loads, with those of snes; displacement per unknown: size times the root of the mean stiffness over that at the node */
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* mean stiffness times size, a force; size of the structure, a length */
+  PetscReal      balance;      /* unbalanced forces at the end, relative to stiffness times size */
   PetscReal      times;        /* current factor on the loads */
   PetscBool      near;         /* the descent should stay near its start, preconditioned by the present operators */
   PC             pc;           /* preconditioner: the operators of Newton's method; borrowed */
@@ -129,7 +132,7 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
     PetscCall(VecAXPY(descent->u, -1.0, descent->start));
     PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
   }
-  if (left <= LATIN_DESCENT_BALANCE) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  if (left <= descent->balance) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
   else if (far > LATIN_LARGE_NOWHERE || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
@@ -249,7 +252,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   PetscCall(VecDuplicate(x, &start));
   PetscCall(VecCopy(x, start));
   descent->times = 1.0;
-  descent->most  = descent->near || heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
+  descent->most  = descent->near ? LATIN_DESCENT_NEAR : heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
     if (descent->times > 1.0) descent->tried = PETSC_TRUE;
     PetscCall(TaoSolve(tao));
@@ -316,6 +319,8 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBoo
   PetscCall(LatinStructureLoads_Private(descent.structure, snes->vec_rhs, descent.load));
   PetscCall(VecPointwiseMult(x, descent.load, descent.weight));
   PetscCall(VecNorm(x, NORM_2, &loads));
+  descent.balance = LATIN_DESCENT_BALANCE;
+  if (near) descent.balance = PetscMin(LATIN_DESCENT_BALANCE, LATIN_DESCENT_FORCES * loads / (descent.force * descent.size));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));
   PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
   PetscCall(LatinDescentRun_Private(snes, tao, &descent, !(loads > 0.0) ? 0.0 : *heavier ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));

@@ -6,15 +6,15 @@
    Computes the stiffnesses of the links at u. A link nearer to a kink of its law than the requested error gets that of its stiffer side, which holds
    states within that error, or of its softer side. Collective on snes
 */
-PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscBool stiffer, PetscReal slope[])
+PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBool stiffer, PetscReal slope[])
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
-  PetscReal            near, *at;
+  PetscReal            size, *at;
 
   PetscFunctionBegin;
-  PetscCall(VecNorm(u, NORM_INFINITY, &near));
-  near = PetscMax(data->target * near, LATIN_LARGE_NONE * data->large.size);
+  PetscCall(VecNorm(u, NORM_INFINITY, &size));
+  near = PetscMax(near, PetscMax(data->target * size, LATIN_LARGE_NONE * data->large.size));
   PetscCall(PetscMalloc1(2 * structure->links_local, &at));
   PetscCall(LatinTurningAhead_Private(structure, u, NULL, u, 0.0, at, at + structure->links_local));
   for (PetscInt l = 0; l < structure->links_local; l++) {
@@ -35,8 +35,8 @@ PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tig
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* not NULL without links either */
-  PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
-  PetscCall(LatinPathSlopes_Private(snes, v, PETSC_TRUE, slope + n));
+  PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, slope));
+  PetscCall(LatinPathSlopes_Private(snes, v, 0.0, PETSC_TRUE, slope + n));
   for (PetscInt l = 0; l < n; l++)
     if (slope[n + l] > slope[l]) any = 1;
   PetscCall(PetscFree(slope));

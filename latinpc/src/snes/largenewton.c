@@ -437,7 +437,7 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   if (structure->slope) PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P)); /* stiffnesses of the interior-point method */
   else {
     PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* not NULL without links either */
-    PetscCall(LatinPathSlopes_Private(snes, u, PETSC_TRUE, slope));
+    PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, slope));
     structure->slope = slope;
     PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
     structure->slope = NULL;

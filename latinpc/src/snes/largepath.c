@@ -331,9 +331,11 @@ static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBoo
 static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   goes = from;
+  PetscBool   goes;
 
   PetscFunctionBegin;
+  if (from && path->unloaded && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathPanels_Private(snes, path, &goes));
+  goes = from;
   while (goes) {
     if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
     PetscCall(LatinPathIncrements_Private(snes, path));

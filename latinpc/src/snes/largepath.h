@@ -9,6 +9,7 @@
 
 #define LATIN_PATH_STIFFENS 1e-3 /* part of the path: in smaller increments a structure may stiffen at once, as where a cable tightens */
 #define LATIN_PATH_LEAST    1e-4 /* part of the path: the least increment. If it fails, the path has met a limit point */
+#define LATIN_PATH_DISTURBS 1e-6 /* disturbance of a state that a descent leaves, relative to the size */
 #define LATIN_PATH_TARGETS  16   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_LEAST */
 
 /*
@@ -46,7 +47,7 @@ typedef struct {
   PetscInt        targets;
   PetscBool       kinks, heavier;
   PetscBool       unloaded; /* the path starts without loads */
-  PetscBool       slackens; /* u is held only by links at kinks of their laws, and no increment follows */
+  PetscBool       slackens; /* only links at kinks of their laws hold the unloaded state where the path starts */
 } LatinPath;
 
 /* snes/largestart.c */
@@ -57,7 +58,11 @@ PETSC_INTERN PetscErrorCode LatinPathStart_Private(SNES, LatinPath *, PetscBool 
 PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool *starts);
 /* snes/largekinks.c */
 PETSC_INTERN PetscErrorCode LatinPathTightens_Private(SNES, Vec u, Vec v, PetscBool *tightens);
+/* snes/largepanels.c */
+PETSC_INTERN PetscErrorCode LatinPathPanels_Private(SNES, LatinPath *, PetscBool *goes);
 /* snes/largebranch.c */
+PETSC_INTERN PetscErrorCode LatinPathDown_Private(SNES, const LatinPath *, Vec u, PetscReal part, Vec v, PetscBool *stable);
+PETSC_INTERN PetscErrorCode LatinPathNear_Private(SNES, const LatinPath *, PetscReal part, Vec v, PetscBool *stable);
 PETSC_INTERN PetscErrorCode LatinPathBranch_Private(SNES, LatinPath *, PetscBool *goes);
 PETSC_INTERN PetscErrorCode LatinPathSettle_Private(SNES, LatinPath *, LatinPathTarget *, PetscBool *settles);
 

@@ -401,7 +401,7 @@ PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec
 PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts, PetscBool *floors);
 PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscBool stiffer, PetscReal slope[]);                       /* snes/largekinks.c */
+PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscReal near, PetscBool stiffer, PetscReal slope[]);       /* snes/largekinks.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
 /* moving supports (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
