@@ -11,7 +11,7 @@
 
    To distinguish them, two stable states are sought by descents from the last stable equilibrium, disturbed along its softest mode: under
    slightly more loads, and under a part of these. Displacements along a branch grow from zero with the loads, or as their root. A
-   snap-through leads equally far under both. First the first cause is sought by itself (snes/largepanels.c).
+   snap-through leads equally far under both. The first cause is sought before (snes/largepanels.c).
 */
 
 #define LATIN_BRANCH_AHEAD  (16.0 * LATIN_PATH_LEAST) /* part of the path: step onto a branch */
@@ -147,10 +147,6 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
   PetscFunctionBegin;
   *goes = PETSC_FALSE;
   if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  if (!path->unloaded || large->reached > 0.0) {
-    PetscCall(LatinPathPanels_Private(snes, path, goes));
-    if (*goes) PetscFunctionReturn(0);
-  }
   PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
   PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode));
   PetscCall(LatinBranchMode_Private(snes, path, mode));

@@ -3,10 +3,11 @@
 /* Kinks of laws on a path: links nearer to a kink, as between slack and taut, than the requested error have two stiffnesses. */
 
 /*
-   Computes the stiffnesses of the links at u. A link nearer to a kink of its law than the requested error gets that of its stiffer side, which holds
-   states within that error, or of its softer side. Collective on snes
+   Computes the stiffnesses of the links at u. A link nearer to a kink of its law than `near`, or than the requested error, gets that of its stiffer
+   side, which holds states within that error, or of its softer side. loose: LATIN_SLACK for links at nodes that slack links leave free.
+   Collective on snes
 */
-PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBool stiffer, PetscReal slope[])
+PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBool stiffer, PetscBool loose, PetscReal slope[])
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
@@ -23,6 +24,7 @@ PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBo
     slope[l] = stiffer ? PetscMax(below, above) : PetscMin(below, above);
   }
   PetscCall(PetscFree(at));
+  if (loose) PetscCall(LatinPathSlack_Private(structure, u, near, slope));
   PetscFunctionReturn(0);
 }
 
@@ -35,8 +37,8 @@ PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tig
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* not NULL without links either */
-  PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, slope));
-  PetscCall(LatinPathSlopes_Private(snes, v, 0.0, PETSC_TRUE, slope + n));
+  PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, PETSC_FALSE, slope));
+  PetscCall(LatinPathSlopes_Private(snes, v, 0.0, PETSC_TRUE, PETSC_FALSE, slope + n));
   for (PetscInt l = 0; l < n; l++)
     if (slope[n + l] > slope[l]) any = 1;
   PetscCall(PetscFree(slope));

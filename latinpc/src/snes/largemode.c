@@ -8,23 +8,9 @@
 
 #define LATIN_PATH_INVERSE 4 /* inverse iterations; 3: a tower names a node too many, 2: masts name guys */
 
-/* Sets forces that differ from node to node, so that they have a part in any mode */
-PetscErrorCode LatinPathForces_Private(Vec r)
-{
-  PetscInt     first, last;
-  PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(VecGetOwnershipRange(r, &first, &last));
-  PetscCall(VecGetArrayWrite(r, &a));
-  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
-  PetscCall(VecRestoreArrayWrite(r, &a));
-  PetscFunctionReturn(0);
-}
-
 /*
-   Computes the softest mode at the equilibrium u. mode: on entry a force; on return zero if the tangent stiffness is not positive definite. Collective
-   on snes
+   Computes the softest mode at the equilibrium u. mode: on entry a force; on return zero if the tangent stiffness is not positive definite
+   where slack links do not leave nodes free. Collective on snes
 */
 PetscErrorCode LatinPathMode_Private(SNES snes, Vec u, Vec mode)
 {
@@ -40,6 +26,8 @@ PetscErrorCode LatinPathMode_Private(SNES snes, Vec u, Vec mode)
   PetscCall(DMGetGlobalVector(structure->dm, &force));
   PetscCall(DMGetGlobalVector(structure->dm, &pressed));
   PetscCall(VecCopy(mode, force));
+  PetscCall(MatMult(K, force, pressed));
+  PetscCall(LatinPathLoose_Private(structure, pressed, force));
   for (PetscInt k = 0; k < LATIN_PATH_INVERSE && moved < PETSC_MAX_REAL; k++) {
     PetscCall(VecNormalize(force, NULL));
     PetscCall(SNESLatinLargePredict_Private(snes, u, force, mode, &moved));

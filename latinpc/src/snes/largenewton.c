@@ -35,7 +35,6 @@
 #define LATIN_LARGE_ROUND   10.0 /* steps below this multiple of the rounding error may be rounding */
 #define LATIN_LARGE_NOISE   64.0 /* rounding of forces: times eps and the norm of the tensions, each times size over length */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve for a tangent prediction */
-#define LATIN_LARGE_FIRM    10.0 /* times LATIN_MECHANISM and the largest stiffness: the least stiffness that is not rounding */
 
 /* Computes the norm of the residual r that the linear solver uses: by default sqrt(r^t K^-1 r), K the operators of the iteration. Collective on newton */
 static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *norm)
@@ -437,7 +436,7 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   if (structure->slope) PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P)); /* stiffnesses of the interior-point method */
   else {
     PetscCall(PetscMalloc1(structure->links_local + 1, &slope)); /* not NULL without links either */
-    PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, slope));
+    PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, PETSC_TRUE, slope));
     structure->slope = slope;
     PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
     structure->slope = NULL;
@@ -446,49 +445,5 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscCall(SNESGetKSP(data->newton.snes, ksp));
   PetscCall(KSPSetOperators(*ksp, A, P));
   data->large.limit = LATIN_LARGE_PREDICT;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Computes the displacements `step` under a load by the tangent stiffness at u, and their l2 norm: PETSC_MAX_REAL if that is not positive
-   definite, or a mechanism. Collective on snes
-*/
-PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec step, PetscReal *moved)
-{
-  KSPConvergedReason reason;
-  PetscReal          rtol, force, least, most;
-  KSP                ksp;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
-  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  PetscCall(KSPSetTolerances(ksp, rtol * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT)); /* accurate at each node, including soft ones */
-  PetscCall(KSPSolve(ksp, load, step));
-  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPGetConvergedReason(ksp, &reason));
-  PetscCall(VecNorm(step, NORM_2, moved));
-  PetscCall(VecNorm(load, NORM_2, &force));
-  PetscCall(LatinStructureStiffnessRange_Private(((SNES_Latin *)snes->data)->large.frame->turns, &least, &most));
-  if ((reason < 0 && reason != KSP_DIVERGED_ITS) || PetscIsInfOrNanReal(*moved) || LATIN_LARGE_FIRM * LATIN_MECHANISM * most * *moved > force) *moved = PETSC_MAX_REAL;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Computes the l2 norm of the Newton step from the displacements `ahead` with the tangent stiffness at u, the last equilibrium of a path.
-   Overwrites ahead. Collective on snes
-*/
-PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscReal *norm)
-{
-  const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  const PetscReal   part  = large->supports.part;
-  Vec               r;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(SNESComputeFunction(snes, ahead, r));
-  PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, r, ahead, norm));
-  PetscCall(SNESLatinSupportsAt_Private(snes, part));
-  PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscFunctionReturn(0);
 }

@@ -65,9 +65,23 @@ PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec 
   PetscFunctionReturn(0);
 }
 
+/* Sets forces that differ from node to node, so that they have a part in any mode */
+PetscErrorCode LatinPathForces_Private(Vec r)
+{
+  PetscInt     first, last;
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetOwnershipRange(r, &first, &last));
+  PetscCall(VecGetArrayWrite(r, &a));
+  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
+  PetscCall(VecRestoreArrayWrite(r, &a));
+  PetscFunctionReturn(0);
+}
+
 /*
-   Removes the forces f on nodes that only slack links hold: `left`, the stiffness times some displacements, is exactly zero there. Overwrites left.
-   Collective on structure
+   Removes the forces f on nodes that only slack links hold: `left`, the stiffness times some displacements, is exactly zero there. Overwrites left:
+   0 at these nodes, else 1. Collective on structure
 */
 PetscErrorCode LatinPathLoose_Private(LatinStructure structure, Vec left, Vec f)
 {

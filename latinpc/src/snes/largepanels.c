@@ -38,8 +38,8 @@ static PetscErrorCode LatinPanelsSlacken_Private(SNES snes, LatinPath *path, Pet
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* never NULL */
-  PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_FALSE, slope));
-  PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_TRUE, slope + n));
+  PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_FALSE, PETSC_FALSE, slope));
+  PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_TRUE, PETSC_FALSE, slope + n));
   for (PetscInt l = 0; l < n; l++)
     if (slope[n + l] > slope[l]) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));

@@ -71,6 +71,24 @@ static PetscErrorCode LatinPathRises_Private(LatinStructure structure, Vec u, Ve
   PetscFunctionReturn(0);
 }
 
+/* Sets `ahead` to the prediction at the start of the increment; it and change are zero at nodes that slack links leave free at its start or end. Collective on structure */
+static PetscErrorCode LatinPathTied_Private(LatinStructure structure, const LatinPath *path, const LatinPathTarget *target, Vec change, Vec ahead)
+{
+  const Vec rate[2] = {path->ahead, target->ahead};
+  Vec       tied;
+
+  PetscFunctionBegin;
+  PetscCall(VecCopy(path->ahead, ahead));
+  PetscCall(DMGetGlobalVector(structure->dm, &tied));
+  for (PetscInt k = 0; k < 2; k++) {
+    PetscCall(VecCopy(rate[k], tied));
+    PetscCall(LatinPathLoose_Private(structure, tied, change));
+    PetscCall(VecPointwiseMult(ahead, ahead, tied));
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &tied));
+  PetscFunctionReturn(0);
+}
+
 /*
    Compares the increment from path->u to the target with the tangent stiffness at both ends (step 3 of the file). *smaller: 1 if the
    increment is accepted, else the factor for the next one. Sets target->other. Collective on snes
@@ -82,23 +100,25 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
   const PetscReal      more = target->part - data->large.reached, back = target->far;
   PetscReal            size, step, moved, little;
   PetscBool            within = PETSC_TRUE;
-  Vec                  change; /* displacements of the increment, scaled to the whole path */
+  Vec                  change, ahead; /* displacements of the increment, scaled to the whole path; prediction at its start */
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &change));
   PetscCall(VecWAXPY(change, -1.0, path->u, target->u));
   PetscCall(VecNorm(change, NORM_INFINITY, &step));
   PetscCall(VecScale(change, 1.0 / more));
+  PetscCall(DMGetGlobalVector(structure->dm, &ahead));
+  PetscCall(LatinPathTied_Private(structure, path, target, change, ahead));
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_LARGE_NONE * data->large.size) / more;
-  PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
+  PetscCall(LatinPathBetween_Private(structure, change, ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
   /* path->u is at a kink of a law: only the rate at the end counts */
   if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within));
   target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller      = within ? 1.0 : 0.5;
   if (within) {
-    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
+    PetscCall(LatinPathNodes_Private(structure, ahead, change, NULL, little, &within));
     if (within) PetscCall(LatinPathNodes_Private(structure, change, target->ahead, NULL, little, &within));
     if (!within && more <= LATIN_PATH_STIFFENS) {
       PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &within));
@@ -106,6 +126,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, L
     }
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* not below the size from which on stiffening is allowed */
   }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &ahead));
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
   PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
                       within ? "" : ", of some nodes more or less than that"));
@@ -176,6 +197,7 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;
+  if (path->far == 0.0) PetscFunctionReturn(0);                           /* the path has started under the whole loads */
   if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens the prediction is too large for any increment */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
@@ -341,7 +363,10 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
     PetscCall(LatinPathIncrements_Private(snes, path));
     if (data->next == LATIN_NEXT_GIVEN || !path->targets) PetscFunctionReturn(0);
     goes = from = PETSC_FALSE;
-    if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(LatinPathBranch_Private(snes, path, &goes));
+    if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) {
+      if (!path->unloaded || data->large.reached > 0.0) PetscCall(LatinPathPanels_Private(snes, path, &goes));
+      if (!goes) PetscCall(LatinPathBranch_Private(snes, path, &goes));
+    }
     if (!goes && path->unloaded && path->slackens && data->large.reached == 0.0) {
       PetscCall(LatinPathAnew_Private(snes, path, &from));
       goes = from;

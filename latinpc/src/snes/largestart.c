@@ -121,8 +121,9 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
     PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
-  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
-  else PetscCall(VecZeroEntries(path->u));
+  if (!*starts) PetscCall(VecZeroEntries(path->u));
+  else if (part == 1.0) PetscCall(VecCopy(path->whole, path->first)); /* no further loads: what the solve leaves out of balance is none */
+  else PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
   PetscFunctionReturn(0);
 }
 

@@ -399,10 +399,11 @@ PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Ve
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathLoose_Private(LatinStructure, Vec left, Vec f);
 PETSC_INTERN PetscErrorCode LatinPathStruts_Private(LatinStructure, PetscBool *struts, PetscBool *floors);
-PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
-PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscReal near, PetscBool stiffer, PetscReal slope[]);       /* snes/largekinks.c */
-PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests); /* snes/largedescent.c */
+PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r);
+PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);                                                                /* snes/largemode.c */
+PETSC_INTERN PetscErrorCode LatinPathSlopes_Private(SNES, Vec u, PetscReal near, PetscBool stiffer, PetscBool loose, PetscReal slope[]); /* snes/largekinks.c */
+PETSC_INTERN PetscErrorCode LatinPathSlack_Private(LatinStructure, Vec u, PetscReal near, PetscReal slope[]);                            /* snes/largeslack.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeDescend_Private(SNES, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests);            /* snes/largedescent.c */
 /* moving supports (snes/largesupports.c) */
 PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
 PETSC_INTERN PetscErrorCode SNESLatinSupportsAt_Private(SNES, PetscReal part);

@@ -44,6 +44,7 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
       k           = PetscMax(k, hold);
     }
   }
+  if (structure->slope && structure->slope[l] == LATIN_SLACK) k = link.across = 0.0;
   for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
