@@ -112,16 +112,16 @@ static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   plane.scale = LATIN_DISSECTION_CUTS / (high - plane.low);
   for (idx_t i = 0; i < n; i++) below[(d->slice[i] = LatinSlice(d, &plane, i)) + 1]++;
   for (idx_t i = 0; i < n; i++) { /* a node is in the separators of all planes between it and its farthest neighbour */
-    const idx_t at  = d->slice[i];
-    idx_t       low = at, high = at;
+    const idx_t at    = d->slice[i];
+    idx_t       first = at, last = at;
 
     for (idx_t k = d->part_start[i]; k < d->part_start[i + 1]; k++) {
-      low  = PetscMin(low, d->slice[d->part_list[k]]);
-      high = PetscMax(high, d->slice[d->part_list[k]]);
+      first = PetscMin(first, d->slice[d->part_list[k]]);
+      last  = PetscMax(last, d->slice[d->part_list[k]]);
     }
     left[at + 1]++;
-    left[high + 1]--;
-    right[low + 1]++;
+    left[last + 1]--;
+    right[first + 1]++;
     right[at + 1]--;
   }
   for (plane.at = 1; plane.at < LATIN_DISSECTION_CUTS; plane.at++) {

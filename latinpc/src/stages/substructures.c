@@ -143,15 +143,15 @@ PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *con
 {
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         n   = sub->bs * sub->copies;
-  PetscReal             *b, *U, *f, before = 0.0, after;
+  PetscReal             *left, *U, *f, before = 0.0, after;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(n, &b, n, &U, n, &f));
-  PetscCall(LatinOperatorDiagonal(sub, b));
-  for (PetscInt i = 0; i < n; i++) b[i] = PetscSqrtReal(b[i]) * PetscSinReal(1.0 + 12.9898 * (PetscReal)(i % 100003));
+  PetscCall(PetscMalloc3(n, &left, n, &U, n, &f));
+  PetscCall(LatinOperatorDiagonal(sub, left));
+  for (PetscInt i = 0; i < n; i++) left[i] = PetscSqrtReal(left[i]) * PetscSinReal(1.0 + 12.9898 * (PetscReal)(i % 100003));
   *contraction = PETSC_SMALL;
   for (PetscInt k = 0; k < 3; k++) {
-    PetscCall(PetscArraycpy(linear->g, b, n));
+    PetscCall(PetscArraycpy(linear->g, left, n));
     PetscCall(PetscArrayzero(U, n));
     linear->energy = 0.0;
     for (PetscInt b = 0; b < linear->batches->n; b++) PetscCall(LatinSubstructuresForward(linear, b));
@@ -161,10 +161,10 @@ PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *con
     if (k) *contraction = before > 0.0 && after >= 0.0 ? PetscMax(*contraction, PetscSqrtReal(after / before)) : 1.0;
     before = after;
     PetscCall(LatinOperatorMult(sub, U, f));
-    for (PetscInt i = 0; i < n; i++) b[i] -= f[i];
+    for (PetscInt i = 0; i < n; i++) left[i] -= f[i];
   }
   PetscCall(PetscInfo(sub->object, "factors in single precision: a stage reduces the error by a factor of %g\n", (double)*contraction));
-  PetscCall(PetscFree3(b, U, f));
+  PetscCall(PetscFree3(left, U, f));
   PetscFunctionReturn(0);
 }
 

@@ -173,10 +173,10 @@ static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinL
   if (sub->sums) PetscCall(LatinMatrixMirror_Private(sub));
   PetscCall(PetscMalloc1(sub->copies, &sub->kd));
   for (PetscInt i = 0; i < sub->copies; i++) {
-    PetscInt at;
+    PetscInt diagonal;
 
-    PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
-    sub->kd[i] = at < 0 ? -1 : sub->ki[i] + at;
+    PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &diagonal));
+    sub->kd[i] = diagonal < 0 ? -1 : sub->ki[i] + diagonal;
   }
   PetscFunctionReturn(0);
 }
