@@ -45,6 +45,37 @@ PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
+/* Sums over all ranks, for the search parameter of rigid links */
+typedef struct {
+  PetscReal stiffness, elastic; /* sum of the stiffnesses of elastic links; their number */
+  PetscReal gap, rigid;         /* sum of the absolute gaps of rigid links; their number */
+  PetscReal load, loaded;       /* sum of the absolute loads of free components; number of loaded ones */
+} LatinRigidSums;
+
+/* Computes these sums. Collective on structure */
+static PetscErrorCode LatinRigidSum_Private(LatinStructure structure, LatinRigidSums *sum)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(sum, sizeof(*sum)));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
+    if (LatinLaws[structure->law[l]].rigid) {
+      sum->gap += PetscAbsReal(structure->e0[l]);
+      sum->rigid += 1.0;
+    } else {
+      sum->stiffness += structure->stiffness[l];
+      sum->elastic += 1.0;
+    }
+  }
+  for (PetscInt i = 0; i < structure->dim * structure->nodes_local; i++) {
+    if (structure->fixed[i] || structure->force[i] == 0.0) continue;
+    sum->load += PetscAbsReal(structure->force[i]);
+    sum->loaded += 1.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscFunctionReturn(0);
+}
+
 /*
    Computes the search parameter of rigid links that have neither elastic neighbours nor masses: the mean stiffness of elastic links; without these, the
    mean of the present loads (absolute values of free components that are loaded) over the mean gap. Of a time step, that of its base. Collective on step
@@ -53,33 +84,21 @@ PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *
 {
   const LatinStructure structure = step->base ? step->base : step;
   const PetscInt       dim       = structure->dim;
-  PetscReal            sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
+  PetscReal            low[3], high[3], size = 0.0, gap;
+  LatinRigidSums       sum;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinLaws[structure->law[l]].rigid) {
-      if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
-      sum[2] += PetscAbsReal(structure->e0[l]);
-      sum[3] += 1.0;
-    } else {
-      sum[0] += structure->stiffness[l];
-      sum[1] += 1.0;
-    }
+  PetscCall(LatinRigidSum_Private(structure, &sum));
+  if (sum.elastic > 0.0) {
+    *scale = sum.stiffness / sum.elastic;
+    PetscFunctionReturn(0);
   }
-  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
-    sum[4] += structure->fixed[i] ? 0.0 : PetscAbsReal(structure->force[i]);
-    sum[5] += structure->fixed[i] || structure->force[i] == 0.0 ? 0.0 : 1.0;
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(DMGetBoundingBox(structure->dm, low, high));
   for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, high[c] - low[c]);
-  /* without elastic links and gaps, tensions do not depend on l */
-  if (!(sum[2] > 0.0)) {
-    sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
-    sum[3] = 1.0;
-  }
-  *scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
-  if (structure->rubs && !(sum[1] > 0.0)) *scale *= LATIN_RIGID_RUBS;
+  /* without gaps, tensions do not depend on the search parameter */
+  gap    = sum.gap > 0.0 ? sum.gap / sum.rigid : LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
+  *scale = gap > 0.0 && sum.load > 0.0 ? sum.load / sum.loaded / gap : 1.0;
+  if (structure->rubs) *scale *= LATIN_RIGID_RUBS;
   PetscFunctionReturn(0);
 }
 
