@@ -264,72 +264,75 @@ static PetscErrorCode LatinRetire_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Sets up all operators. again: for the same problem: subdomains and interfaces are kept unless a matrix or auto has changed them. Collective on latin */
-static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
+/* What a set-up rebuilds; each includes those before it */
+typedef enum {
+  LATIN_REBUILD_NOTHING,
+  LATIN_REBUILD_LOADS,     /* right-hand sides: after new loads, initial elongations and prescribed displacements */
+  LATIN_REBUILD_OPERATORS, /* operators on the same subdomains and interfaces: after other values, search parameters and rotations of the parts of links */
+  LATIN_REBUILD_ALL        /* after new options or laws, or an error; for a matrix unless latin->renews */
+} LatinRebuild;
+
+/* Returns what the changes since the last set-up require. state: that of the structure */
+static LatinRebuild LatinChanges(Latin latin, PetscObjectState state)
+{
+  const LatinStructure structure = latin->sub.structure;
+
+  if (!latin->set_up || (latin->stale && !latin->tuned)) return LATIN_REBUILD_ALL;
+  if (!structure) return latin->renews ? LATIN_REBUILD_OPERATORS : LATIN_REBUILD_ALL;
+  /* laws have changed, or only the parts of links have rotated (structure/frame.c) */
+  if (state != latin->structure_state) return structure->turns && latin->structure_state >= structure->parts_state ? LATIN_REBUILD_OPERATORS : LATIN_REBUILD_ALL;
+  if (latin->renews || latin->tuned) return LATIN_REBUILD_OPERATORS;
+  if (latin->held_state != structure->held_state || latin->load_state != structure->load_state || latin->e0_state != structure->e0_state) return LATIN_REBUILD_LOADS;
+  return LATIN_REBUILD_NOTHING;
+}
+
+/* Sets up all operators. Subdomains and interfaces are kept by LATIN_REBUILD_OPERATORS, unless a matrix or auto has changed them. Collective on latin */
+static PetscErrorCode LatinSetUpOperators_Private(Latin latin, LatinRebuild rebuild)
 {
   const LatinVariant variant = latin->inter.variant;
-  PetscBool          same    = again;
+  PetscBool          kept    = (PetscBool)(rebuild == LATIN_REBUILD_OPERATORS);
   PetscLogDouble     start, end;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
   PetscCall(PetscTime(&start));
-  if (again) {
+  latin->set_up = PETSC_FALSE; /* after an error the next set-up rebuilds everything */
+  if (kept) {
     PetscCall(LatinRetire_Private(latin));
-    if (latin->sub.matrix) PetscCall(LatinSubdomainsRefresh_Matrix(&latin->sub, &same));
+    if (latin->sub.matrix) PetscCall(LatinSubdomainsRefresh_Matrix(&latin->sub, &kept));
     else {
       if (!latin->sub.tangent) PetscCall(LatinSetStiffness_Private(latin, NULL));
       PetscCall(LatinSubdomainsRefresh(&latin->sub));
     }
-  } else PetscCall(LatinReset_Private(latin)); /* an earlier set-up may have ended in an error */
-  if (!same) {
+  } else PetscCall(LatinReset_Private(latin));
+  if (!kept) {
     PetscCall(LatinSubdomainsReset(&latin->sub));
     PetscCall(LatinSetUpSubdomains_Private(latin));
   }
   PetscCall(LatinSetUpVariant_Private(latin));
-  if (latin->inter.variant != variant) same = PETSC_FALSE;
-  if (!same) PetscCall(LatinInterfaceReset(&latin->inter));
-  PetscCall(LatinSetUpStages_Private(latin, same));
+  if (latin->inter.variant != variant) kept = PETSC_FALSE;
+  if (!kept) PetscCall(LatinInterfaceReset(&latin->inter));
+  PetscCall(LatinSetUpStages_Private(latin, kept));
   PetscCall(PetscTime(&end));
   latin->setup_seconds = end - start;
   PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
 
-/* Whether nothing but rotations of the parts of links (structure/frame.c) has changed in the structure since the last set-up */
-static PetscBool LatinTurnsAlone(Latin latin)
-{
-  const LatinStructure structure = latin->sub.structure;
-
-  return (PetscBool)(structure->turns && latin->structure_state >= structure->parts_state);
-}
-
-/*
-   Sets latin up after changes:
-
-   - everything, after new options or laws, and for a matrix unless latin->renews;
-   - all operators on the same subdomains and interfaces, if latin->renews, after new search parameters and rotations of the parts of links;
-   - right-hand sides, after new loads, initial elongations and prescribed displacements.
-
-   Collective on latin
-*/
+/* Sets latin up, or rebuilds what changes since the last set-up require. Collective on latin */
 PetscErrorCode LatinSetUp_Private(Latin latin)
 {
   LatinStructure   structure = latin->sub.structure;
   PetscObjectState state     = 0;
-  PetscBool        again;
+  LatinRebuild     rebuild;
 
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
   if (structure) PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
-  if ((latin->stale && !latin->tuned) || (state != latin->structure_state && !LatinTurnsAlone(latin))) latin->set_up = PETSC_FALSE;
-  again = (PetscBool)(latin->set_up && (latin->renews || latin->tuned || state != latin->structure_state));
-  if (!structure || again) latin->set_up = PETSC_FALSE;
-  if (!latin->set_up) PetscCall(LatinSetUpOperators_Private(latin, again));
-  else {
-    if (latin->held_state == structure->held_state && latin->load_state == structure->load_state && latin->e0_state == structure->e0_state) PetscFunctionReturn(0);
-    PetscCall(LatinSubdomainsRefresh(&latin->sub));
-  }
+  rebuild = LatinChanges(latin, state);
+  if (rebuild == LATIN_REBUILD_NOTHING) PetscFunctionReturn(0);
+  if (rebuild == LATIN_REBUILD_LOADS) PetscCall(LatinSubdomainsRefresh(&latin->sub));
+  else PetscCall(LatinSetUpOperators_Private(latin, rebuild));
   if (structure) {
     if (latin->held_state != structure->held_state) PetscCall(LatinSFBcast_Private(latin->sub.node_sf, latin->sub.dim, MPIU_REAL, structure->prescribed, latin->sub.prescribed));
     PetscCall(LatinLinearSetLoads(&latin->linear, structure->load));
