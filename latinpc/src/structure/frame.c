@@ -96,7 +96,8 @@ typedef struct {
 
 /* One link, for its search direction */
 typedef struct {
-  PetscReal across, k; /* tension over length (fixed direction: 1 if taut, else 0); tangent stiffness of its law */
+  PetscReal k, across; /* tangent stiffness; tension over length, 0 with a fixed direction */
+  PetscBool loaded;    /* whether it bears a force at its strain */
 } LatinFrameLink;
 
 /* Computes the tangent stiffness (k, c) of link l. Slack cables get a small positive one. In compression c < 0, but not if firm, nor in time steps */
@@ -124,15 +125,15 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
   *k = frame->turns->midpoint ? PetscMax(link->k, low) : whole;
   *c = LATIN_FRAME_FLOOR * mean;
   if (LatinStructureKeeps(frame->turns, l)) {
-    if (!(link->across > 0.0)) *k = low;
+    if (!link->loaded) *k = low;
     return;
   }
   if (slack) *k = low;
   *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
-/* Computes link and axes, [links_local] data and bases of the links of the base, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
-static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], PetscReal axes[], LatinFrameSums *sum)
+/* Computes data of the links of the base, link[links_local], their bases, frame->direction, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
+static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], LatinFrameSums *sum)
 {
   const LatinStructure base = frame->turns;
   const PetscInt       dim  = base->dim;
@@ -142,6 +143,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
   for (PetscInt l = 0; l < base->links_local; l++) {
     const LatinLaw *law   = &LatinLaws[LatinFrameLaw(frame, l)];
     const PetscBool keeps = LatinStructureKeeps(base, l);
+    const PetscReal k = LatinFrameStiffness(frame, l), shift = LatinFrameShift(frame, l);
     PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0, x, tension;
 
     for (PetscInt c = 0; c < dim; c++) {
@@ -150,22 +152,20 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
       size += PetscSqr(r[c]);
     }
     size = PetscSqrtReal(size);
-    x    = base->e0[l] + LatinFrameShift(frame, l) + (!keeps ? size - PetscSqrtReal(length) : a ? LatinStructureElongation(base, l, a) : 0.0);
-    if (axes) {
-      if (keeps || !LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
-      LatinFrameAxes(dim, n, axes + dim * dim * l);
-    }
-    tension        = law->tension(LatinFrameStiffness(frame, l), x, law->ctx);
-    link[l].k      = base->slope ? base->slope[l] : law->tangent(LatinFrameStiffness(frame, l), base->strain ? base->strain[l] + LatinFrameShift(frame, l) : x, law->ctx);
-    link[l].across = keeps ? (tension != 0.0 ? 1.0 : 0.0) : size > 0.0 ? tension / size : 0.0;
+    x    = base->e0[l] + shift + (!keeps ? size - PetscSqrtReal(length) : a ? LatinStructureElongation(base, l, a) : 0.0);
+    if (keeps || !LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
+    LatinFrameAxes(dim, n, frame->direction + dim * dim * l);
+    tension        = law->tension(k, x, law->ctx);
+    link[l].k      = base->slope ? base->slope[l] : law->tangent(k, base->strain ? base->strain[l] + shift : x, law->ctx);
+    link[l].across = !keeps && size > 0.0 ? tension / size : 0.0;
+    link[l].loaded = (PetscBool)(tension != 0.0);
     sum->all += 1.0;
-    if (keeps) continue;
+    if (!keeps) sum->stiff += k;
     if (link[l].across > 0.0) {
       sum->taut += 1.0;
       sum->across += link[l].across;
     }
-    if (base->ahead) link[l].across = size > 0.0 ? base->ahead[l] / size : base->slope ? link[l].k : 0.0;
-    sum->stiff += LatinFrameStiffness(frame, l);
+    link[l].across = LatinTurnedAcross(base, l, size, link[l].k, link[l].across);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
   PetscFunctionReturn(0);
@@ -200,8 +200,7 @@ static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[
   LatinTurned turned;
 
   LatinTurnedLink(step, NULL, l, a, &turned);
-  link->k = turned.across;
-  if (!LatinStructureKeeps(step, l)) link->across = turned.across;
+  link->k = link->across = turned.across;
   for (PetscInt c = 0; c < step->dim; c++) link->k += turned.n[c] * turned.change[c];
 }
 
@@ -216,7 +215,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &link));
-  PetscCall(LatinFrameMeasure_Private(frame, a, link, frame->direction, &sum));
+  PetscCall(LatinFrameMeasure_Private(frame, a, link, &sum));
   for (PetscInt l = 0; l < m && base->midpoint && a; l++) LatinFrameMean(base, l, a, link + l);
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));

@@ -17,4 +17,15 @@ typedef struct {
 PETSC_INTERN void           LatinTurnedLink(LatinStructure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *);
 PETSC_INTERN PetscErrorCode LatinTurnedAdd_Private(LatinStructure, PetscInt l, const PetscReal k[], Mat);
 
+/*
+   Returns the tension over length of link l in the tangent stiffness, that of the tensions ahead if there are any, else `across`. k: its stiffness along
+   n. Coincident nodes, size = 0: a link whose energy is quadratic in its length, as in the interior-point method, is equally stiff in all directions
+*/
+static inline PetscReal LatinTurnedAcross(LatinStructure structure, PetscInt l, PetscReal size, PetscReal k, PetscReal across)
+{
+  if (!structure->ahead || LatinStructureKeeps(structure, l)) return across;
+  if (size > 0.0) return structure->ahead[l] / size;
+  return structure->slope ? k : 0.0;
+}
+
 #endif

@@ -32,20 +32,20 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
 {
   const PetscInt dim = structure->dim;
   LatinTurned    link;
-  PetscReal      k = 0.0;
 
   LatinTurnedLink(structure, NULL, l, a, &link);
-  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
-  if (structure->ahead && !LatinStructureKeeps(structure, l)) {
-    /* coincident nodes: a link whose energy is quadratic in its length is equally stiff in all directions */
-    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0;
-    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) { /* not in compression */
+  if (!structure->midpoint) {
+    const PetscBool holds = (PetscBool)(structure->ahead && !structure->slope && link.size > 0.0); /* size: not with a fixed direction */
+    PetscReal       k     = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
+
+    link.across = LatinTurnedAcross(structure, l, link.size, k, link.across);
+    if (holds && (k == 0.0 || link.across >= 0.0)) { /* not in compression */
       link.across = PetscMax(link.across, hold);
       k           = PetscMax(k, hold);
     }
+    if (structure->slope && structure->slope[l] == LATIN_SLACK) k = link.across = 0.0;
+    for (PetscInt c = 0; c < dim; c++) link.change[c] = (k - link.across) * link.n[c];
   }
-  if (structure->slope && structure->slope[l] == LATIN_SLACK) k = link.across = 0.0;
-  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
 
