@@ -204,9 +204,8 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscCall(PetscFree(large->start));
   /* not with inextensible cables, whose law in the frame differs */
   if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local));
-  structure->ahead  = large->ahead;
-  structure->strain = near ? large->ahead + structure->links_local : NULL;
-  structure->hold   = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;
+  LatinStructurePrescribe(structure, large->ahead, near ? large->ahead + structure->links_local : NULL, NULL);
+  structure->hold = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;
   PetscFunctionReturn(0);
 }
 
@@ -297,8 +296,8 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBo
   measures    = large->slow;
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
   if (renews) PetscCall(LatinLargeTangents_Private(snes, u, measures, left, done));
-  structure->ahead = structure->strain = NULL;
-  large->changed                       = 0;
+  LatinStructurePrescribe(structure, NULL, NULL, NULL);
+  large->changed = 0;
   PetscCall(PetscFree(large->ahead));
   if (!*done && !(large->iterated && measures && !large->unstable && large->first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));

@@ -336,11 +336,10 @@ static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *poi
     point->slope[l] = square * PetscSqr(point->part[l]) * LatinInteriorStiffness(point, l, t) + sign * point->bend[l] * t;
     point->tau[l]   = sign * point->part[l] * t * PetscSqrtReal(square);
   }
-  structure->slope = point->slope;
-  structure->ahead = point->tau;
+  LatinStructurePrescribe(structure, point->tau, NULL, point->slope);
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(SNESLatinLargeTangent_Private(snes, snes->vec_sol, ksp));
-  structure->slope = structure->ahead = NULL;
+  LatinStructurePrescribe(structure, NULL, NULL, NULL);
   PetscFunctionReturn(0);
 }
 

@@ -266,7 +266,7 @@ static PetscErrorCode SNESLatinSolve_Private(SNES snes)
 static void LatinForget(LatinStructure structure)
 {
   if (!structure) return;
-  structure->ahead = structure->strain = structure->slope = NULL;
+  LatinStructurePrescribe(structure, NULL, NULL, NULL);
   structure->penalty = structure->multiplier = NULL;
 }
 

@@ -77,11 +77,17 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* 1 / h^2 */
   /* [links_local] while rigid links are springs in the method of multipliers (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  /* tangent stiffnesses of Newton's method with large displacements, at tensions other than those of the displacements; else NULL; borrowed */
-  const PetscReal *ahead;    /* [links_local] these tensions, of strains linearised ahead of the displacements (snes/largenewton.c) */
-  const PetscReal *strain;   /* [links_local] their strains, about which laws are linearised, or NULL */
-  const PetscReal *slope;    /* [links_local] stiffnesses in place of those of the laws (snes/largeinterior.c), or NULL */
-  PetscReal        hold;     /* stiffness of slack cables, relative to the mean tension over length of taut links */
+  /*
+     Tangent of a link in Newton's method with large displacements, [links_local], borrowed; NULL: that of the displacements. Set by
+     LatinStructurePrescribe()
+
+       ahead           far from the solution: tensions ahead of the displacements (snes/largenewton.c), stiffnesses of the laws
+       ahead, strain   near it: laws are linearised about these strains, also in the unbalance
+       ahead, slope    interior-point method: tensions and stiffnesses of its smooth laws (snes/largeinterior.c)
+       slope           other stiffnesses at the tensions of the displacements (snes/largebranch.c)
+  */
+  const PetscReal *ahead, *strain, *slope;
+  PetscReal        hold;     /* with `ahead`, not `slope`: stiffness of slack cables, relative to the mean tension over length of taut links */
   LatinStructure   cones_of; /* cones (structure/frictioncones.c): the structure with friction; else NULL */
   /* frame (structure/frame.c); else NULL */
   LatinStructure   turns;                 /* the base, whose links are split into parts */
@@ -91,6 +97,14 @@ struct _p_LatinStructure {
   LatinFrameType   made;                  /* geometry large: type of the present search directions */
   PetscReal       *spring;                /* [2][links of turns] penalties, multipliers of rigid links as springs; NULL without rigid links */
 };
+
+/* Sets tensions, strains and stiffnesses of the tangent stiffness, see the members; all NULL: those of the displacements. Not collective */
+static inline void LatinStructurePrescribe(LatinStructure structure, const PetscReal ahead[], const PetscReal strain[], const PetscReal slope[])
+{
+  structure->ahead  = ahead;
+  structure->strain = strain;
+  structure->slope  = slope;
+}
 
 /* ---- one link, l: its number on this rank ---- */
 /* Returns the elongation of link l under the vertex displacements a: a row of B */
