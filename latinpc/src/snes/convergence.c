@@ -193,38 +193,60 @@ static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, Pets
   return data->newton.contrast; /* rounding limits Newton's method as well, unless contrasts of stiffness cause it */
 }
 
+/* What a converged iterate must prove, by the stop */
+typedef struct {
+  PetscBool far;     /* displacements are larger than the structure: a solution only if forces balance */
+  PetscBool balance; /* the unbalance is small relative to the loads: one that is small beside stiffnesses alone allows any displacement of slack links */
+  PetscBool step;    /* stop on the indicator: the unbalance shows no larger error of the displacements than `target` */
+  PetscBool forces;  /* nor of the tensions */
+  PetscBool gaps;    /* rigid links meet their gaps, which the residual does not contain */
+  PetscReal target;
+  PetscReal loads, drive; /* norms of the loads; of the forces that drive a far iterate */
+} LatinProof;
+
 /*
-   Checks that a converged iterate is an equilibrium, else changes *next. Balance: an unbalance that is small beside stiffnesses, but not beside
-   loads, allows arbitrary displacements between slack links, and wrong tensions. Gaps: rigid links must meet them, which the residual does not
-   contain. Displacements larger than the structure are a solution only if forces balance. Collective on snes
+   Returns what follows a converged iterate after the check data->found: `next` if it is proved; else the end, if no stage can improve it, or another
+   stage
 */
+static LatinNext SNESLatinProved(SNES snes, const LatinProof *proof, LatinNext next)
+{
+  SNES_Latin             *data  = (SNES_Latin *)snes->data;
+  const LatinEquilibrium *found = &data->found;
+  const PetscBool         rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise); /* stages change nothing beyond rounding */
+
+  if (found->verdict == LATIN_UNBOUNDED) return LATIN_NEXT_DIVERGED;
+  if (proof->far && found->verdict == LATIN_BELOW_ROUNDING) return LATIN_NEXT_ROUNDING;
+  if (SNESLatinUnbalanceRounded(snes)) {
+    data->estimate.floor = 1.0;
+    return LATIN_NEXT_ROUNDING;
+  }
+  if (!rests && proof->far && proof->balance && data->residual > LATIN_NEWTON_FAR * proof->drive) return LATIN_NEXT_CONTINUE;
+  if (!rests && proof->step && found->verdict != LATIN_EQUILIBRIUM) return LATIN_NEXT_CONTINUE;
+  if (SNESLatinLeft(snes, proof->loads)) return LATIN_NEXT_ROUNDING;
+  if ((proof->balance && SNESLatinUnbalanced(data)) || (proof->forces && found->forces > proof->target) || (proof->gaps && found->missed > proof->target)) return rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  return next;
+}
+
+/* Checks that a converged iterate is an equilibrium, else changes *next. Collective on snes */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
-  SNES_Latin     *data     = (SNES_Latin *)snes->data;
-  const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
-  const PetscBool balances = SNESLatinBalances(snes), statics = (PetscBool)!data->latin->sub.structure->ground;
-  const PetscBool step = (PetscBool)(!balances && data->stop == LATIN_STOP_INDICATOR);
-  const PetscBool left = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL), gaps = (PetscBool)(left && data->latin->sub.structure->rigid_law >= 0);
-  const PetscReal target = step ? SNESLatinShown(snes->stol) : data->target;
-  PetscReal       loads, drive = 0.0;
-  PetscBool       far;
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  const PetscBool      residual  = (PetscBool)(!structure->ground && data->stop == LATIN_STOP_RESIDUAL);
+  LatinProof           proof     = {.balance = SNESLatinBalances(snes)};
 
   PetscFunctionBegin;
+  proof.step   = (PetscBool)(!proof.balance && data->stop == LATIN_STOP_INDICATOR);
+  proof.forces = (PetscBool)(proof.balance || proof.step);
+  proof.gaps   = (PetscBool)(proof.forces || (residual && structure->rigid_law >= 0));
+  proof.target = proof.step ? SNESLatinShown(snes->stol) : data->target;
   PetscCall(SNESLatinResidual_Private(snes));
-  PetscCall(SNESLatinLoads_Private(snes, &loads));
-  PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !balances && !step && !left && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
-  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
-  if (far) PetscCall(SNESLatinDrive_Private(snes, &drive));
-  if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
-  else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
-  else if (SNESLatinUnbalanceRounded(snes)) {
-    *next                = LATIN_NEXT_ROUNDING;
-    data->estimate.floor = 1.0;
-  } else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * drive) *next = LATIN_NEXT_CONTINUE;
-  else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
-  else if (SNESLatinLeft(snes, loads)) *next = LATIN_NEXT_ROUNDING;
-  else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  PetscCall(SNESLatinLoads_Private(snes, &proof.loads));
+  PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &proof.far));
+  if (!proof.far && !proof.forces && !residual && !(data->newton.contrast && structure->ground)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, proof.target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (proof.far) PetscCall(SNESLatinDrive_Private(snes, &proof.drive));
+  *next = SNESLatinProved(snes, &proof, *next);
   PetscFunctionReturn(0);
 }
 
@@ -260,7 +282,22 @@ static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
-/* Decides what follows this linear stage. Collective on snes */
+/*
+   Decides what follows this linear stage. Each step changes the decision of those before it as listed; CONVERGED stands for all three. So the order
+   matters: convergence that is not proved, and divergence, are left to Newton's method, and divergence after that to other search parameters
+
+     failure              any                             -> FAILED, NOT_FINITE
+     stop                 CONTINUE                        -> CONVERGED, ROUNDING
+     Newton to finish     CONTINUE, CONVERGED, ROUNDING   -> NEWTON_FINISH
+     growth, collapse     CONTINUE                        -> DIVERGED
+     proof                CONVERGED                       -> CONTINUE, ROUNDING, DIVERGED
+     Newton on a stall    any but FAILED, GIVEN, _FINISH  -> NEWTON_STALL
+     limit of stages      CONTINUE                        -> MAX_IT
+     search parameter     CONTINUE, DIVERGED              -> REBUILD
+     grains               CONTINUE, DIVERGED, MAX_IT      -> CONVERGED, DIVERGED
+
+   Collective on snes
+*/
 PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
