@@ -198,6 +198,24 @@ static PetscErrorCode LatinLocalCallback_Private(LatinLocalSolvers *solvers, Pet
 }
 
 /*
+   Gets a precision of the factor of batch i that needs no test, nor the matrix a search for mechanisms. *accepted: there is one, lowest. Any precision
+   suffices to precondition Newton's method; without the clamped rows, the matrix of solvers->like is softer
+*/
+static PetscErrorCode LatinLocalAccepted_Private(const LatinLocalSolvers *solvers, PetscInt i, LatinArithmetic *lowest, PetscBool *accepted)
+{
+  const PetscBool tangent = LatinSubdomainsTangent(solvers->sub);
+  PC              pc;
+
+  PetscFunctionBegin;
+  *lowest   = LATIN_SINGLE;
+  *accepted = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
+  if (tangent || !*accepted) PetscFunctionReturn(0);
+  PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
+  PetscCall(LatinCholeskyPrecision(pc, lowest));
+  PetscFunctionReturn(0);
+}
+
+/*
    Creates or reuses matrices and solvers, and factors them. name: "local" or "interior", the prefix of the options; once: a preconditioner that is not
    a factorisation is applied once. solvers->status: a failure on this rank
 */
@@ -212,9 +230,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->status.staged = (PetscBool)!solvers->keeps;
   solvers->status.tried  = LatinSubdomainsTried(solvers->sub);
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    const PetscBool tangent = LatinSubdomainsTangent(solvers->sub), larger = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
-    LatinArithmetic serves = LATIN_SINGLE; /* precision of a preconditioner of Newton's method */
-    PetscBool       found;
+    LatinArithmetic lowest;
+    PetscBool       found, accepted;
     PC              pc;
 
     if (!solvers->rows[i].i) continue; /* no solver: the caller uses a dense inverse */
@@ -222,11 +239,10 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
     if (solvers->rest[i]) PetscCall(LatinLocalCallback_Private(solvers, i));
-    if (larger && !tangent) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
-    if (larger && !tangent) PetscCall(LatinCholeskyPrecision(pc, &serves));
+    PetscCall(LatinLocalAccepted_Private(solvers, i, &lowest, &accepted));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
     if (found || solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, precision[solvers->precision]));
-    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, larger ? &serves : NULL, &solvers->status));
+    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, accepted ? &lowest : NULL, &solvers->status));
     PetscCall(PetscObjectCompose((PetscObject)solvers->K[i], LATIN_PLACES, NULL));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;

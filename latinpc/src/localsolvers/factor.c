@@ -304,11 +304,21 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Tests the precision of the factor of A, and searches A for a mechanism, unless linear stages will. Collective on A */
+/*
+   Checks the factor of A, or why there is none:
+
+     failed             finds a displacement of zero or negative stiffness
+     single precision   tests the precision, unless linear stages will, or a larger matrix was accepted in it or a lower one
+     double precision   searches for a mechanism, unless a larger matrix has none
+     not direct         no check
+
+   Collective on A
+*/
 static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PetscReal       stiffness = 1.0;
   LatinArithmetic precision = LATIN_DOUBLE;
+  PetscBool       accepted;
   PC              pc;
   Vec             v;
 
@@ -318,9 +328,10 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
   else if (direct) {
     PetscCall(KSPGetPC(ksp, &pc));
     PetscCall(LatinCholeskyPrecision(pc, &precision));
-    if (precision != LATIN_DOUBLE && ((kept && status->staged) || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
+    accepted = (PetscBool)((kept && status->staged) || (larger && precision <= *larger));
+    if (precision != LATIN_DOUBLE && accepted) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
-    if (!(status->rounding > 0.0) && !larger) {
+    if (status->rounding == 0.0 && !larger) { /* in double precision, maybe after this test */
       PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_INVERSE_FIRM * LATIN_MECHANISM, v, &stiffness));
       status->softest = stiffness;
     }
@@ -337,7 +348,8 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
 
      kept:    rows of the Schur complement, ordered last, or NULL
      whole:   diagonal before the condensation that gave A, to which its rounding is relative, or NULL
-     larger:  accepted precision of a larger matrix, of which A is a principal submatrix and so no softer, or NULL
+     larger:  precision that needs no test, nor A a search for mechanisms: that of a larger matrix, of which A is a principal submatrix and so no
+              softer; or NULL
 
    Collective on A
 */
