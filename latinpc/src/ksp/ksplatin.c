@@ -50,26 +50,42 @@ static PetscErrorCode KSPBuildSolution_Latin(KSP ksp, Vec v, Vec *V)
 }
 
 /*
-   Convergence test of the outer KSP: calls the test and the monitors of KSP latin, which the user may set, with the norm of its norm type.
+   Calls the test of KSP latin, which the user may set, unless it is PETSc's default test at the first iteration. That is relative to the first residual,
+   which is not that of zero displacements, or with a nonzero guess to the PC of the right-hand side. Here both are data->rhs_norm, the norm of the
+   right-hand side in the variables of the residuals: sets the references that the default test reads at later iterations. Collective on ksp
+*/
+static PetscErrorCode KSPLatinTest_Private(KSP ksp, PetscReal norm, KSPConvergedReason *reason)
+{
+  const KSP_Latin              *data    = (KSP_Latin *)ksp->data;
+  const KSPConvergedDefaultCtx *context = ksp->converged == KSPConvergedDefault ? (KSPConvergedDefaultCtx *)ksp->cnvP : NULL;
+  const PetscReal               whole   = data->rhs_norm;
 
-   PETSc's default test is relative to the first residual or, with a nonzero guess, to the right-hand side. Here it is relative to data->rhs_norm, the norm
-   of the right-hand side in the variables of the residuals: the first residual is not that of zero displacements. Collective on ksp
+  PetscFunctionBegin;
+  if (ksp->its || !context || context->initialrtol || !(whole > 0.0)) {
+    PetscCall((*ksp->converged)(ksp, ksp->its, norm, reason, ksp->cnvP));
+    PetscFunctionReturn(0);
+  }
+  ksp->rnorm0 = PetscMax(whole, norm); /* of the divergence tolerance: the first residual may be much larger */
+  ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(whole, norm) : whole), ksp->abstol);
+  *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Convergence test of the outer KSP: monitors and test of KSP latin, with the norm of its norm type; then the true residual. rnorm: interface residual
+   over data->scale. Collective on ksp
 */
 static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
-  KSP                     ksp     = (KSP)ctx;
-  KSP_Latin              *data    = (KSP_Latin *)ksp->data;
-  KSPConvergedDefaultCtx *context = (KSPConvergedDefaultCtx *)ksp->cnvP;
-  const PetscBool         ours = (PetscBool)(!it && !data->passes && data->rhs_norm > 0.0 && ksp->converged == KSPConvergedDefault), zero = ksp->guess_zero;
-  PetscReal               norm = ksp->normtype == KSP_NORM_NONE ? 0.0 : rnorm * data->scale;
-  Vec                     residual;
+  KSP             ksp       = (KSP)ctx;
+  KSP_Latin      *data      = (KSP_Latin *)ksp->data;
+  const PetscReal interface = rnorm * data->scale;
+  PetscReal       norm      = ksp->normtype == KSP_NORM_NONE ? 0.0 : interface;
 
   PetscFunctionBegin;
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
-    PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
-    PetscCall(VecNorm(residual, NORM_2, &norm));
-    data->checked = it;
-    data->norm    = norm;
+    PetscCall(KSPLatinTrueNorm_Private(ksp, it));
+    norm = data->true_norm;
   }
   ksp->its   = data->before + it;
   ksp->rnorm = norm;
@@ -78,17 +94,8 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
     PetscCall(KSPLogResidualHistory(ksp, norm));
     PetscCall(KSPMonitor(ksp, ksp->its, norm));
   }
-  if (it || !data->passes) {
-    if (ours) ksp->guess_zero = PETSC_TRUE; /* else the test would apply the PC to the right-hand side */
-    PetscCall((*ksp->converged)(ksp, ksp->its, norm, reason, ksp->cnvP));
-    ksp->guess_zero = zero;
-    if (ours && !context->initialrtol) {
-      ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* reference of the divergence tolerance: the first residual may be much larger */
-      ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
-      *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
-    }
-  }
-  PetscCall(KSPLatinCheck_Private(ksp, it, rnorm * data->scale, reason));
+  if (it || !data->passes) PetscCall(KSPLatinTest_Private(ksp, norm, reason)); /* a pass begins where the last one has been tested */
+  PetscCall(KSPLatinCheck_Private(ksp, it, interface, reason));
   if (!*reason && ksp->its >= ksp->max_it) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
@@ -362,7 +369,7 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(LatinView_Private(data->latin, viewer));
-  if (ksp->reason == KSP_DIVERGED_BREAKDOWN) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: |b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->norm, (double)data->allowed));
+  if (ksp->reason == KSP_DIVERGED_BREAKDOWN) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: |b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->true_norm, (double)data->allowed));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver of the interface data:\n"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(KSPView(data->outer, viewer));

@@ -58,74 +58,82 @@ static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* Returns the predicted iterations, 1 to `it`, until b - A x meets the tolerances, at the mean rate of the interface residual: `norm` after `it` iterations */
-static PetscInt KSPLatinMore(const KSP_Latin *data, PetscInt it, PetscReal norm)
+/* Computes data->true_norm, the norm of b - A x after `it` iterations of this pass. Overwrites data->solution, residual. Collective on ksp */
+PetscErrorCode KSPLatinTrueNorm_Private(KSP ksp, PetscInt it)
 {
-  const PetscReal more = it * PetscLogReal(data->norm / data->allowed) / PetscLogReal(data->scale / norm);
+  KSP_Latin *data = (KSP_Latin *)ksp->data;
+  Vec        residual;
+
+  PetscFunctionBegin;
+  PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
+  PetscCall(VecNorm(residual, NORM_2, &data->true_norm));
+  data->checked = it;
+  PetscFunctionReturn(0);
+}
+
+/* Returns the predicted iterations, 1 to `it`, until b - A x meets the tolerances, at the mean rate of the interface residual after `it` iterations */
+static PetscInt KSPLatinMore(const KSP_Latin *data, PetscInt it, PetscReal interface)
+{
+  const PetscReal more = it * PetscLogReal(data->true_norm / data->allowed) / PetscLogReal(data->scale / interface);
 
   return more > 1.0 ? (PetscInt)PetscCeilReal(PetscMin(more, it)) : 1;
 }
 
 /*
-   Confirms or withdraws *reason of PETSc's default test, after `it` iterations of this pass with interface residual `norm`; decides as well if this
-   residual is at the level of rounding. Reasons of other tests of the user stay. Overwrites data->solution, residual, digits. Collective on ksp
+   Confirms or withdraws *reason of PETSc's default test, after `it` iterations of this pass with this interface residual; decides as well if it is at
+   the level of rounding. Reasons of other tests of the user stay. Overwrites data->solution, residual, digits. Collective on ksp
 */
-PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason)
+PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal interface, KSPConvergedReason *reason)
 {
   KSP_Latin      *data     = (KSP_Latin *)ksp->data;
   const PetscBool claim    = (PetscBool)(*reason > 0 && *reason != KSP_CONVERGED_ITS && ksp->converged == KSPConvergedDefault);
-  const PetscBool digits   = (PetscBool)(norm > data->latin->linear.noise);
+  const PetscBool digits   = (PetscBool)(interface > data->latin->linear.noise);
   PetscReal       rounding = 0.0;
-  Vec             residual;
 
   PetscFunctionBegin;
-  if (ksp->normtype == KSP_NORM_NONE && norm == 0.0) PetscFunctionReturn(0); /* most outer KSPs compute no norm */
+  if (ksp->normtype == KSP_NORM_NONE && interface == 0.0) PetscFunctionReturn(0); /* most outer KSPs compute no norm */
   if (!claim && (*reason || digits)) PetscFunctionReturn(0);
   *reason = ksp->normtype == KSP_NORM_NONE ? KSP_CONVERGED_ATOL : KSP_CONVERGED_ITERATING;
   if (*reason || (it < data->next && digits)) PetscFunctionReturn(0);
-  if (data->checked != it) {
-    PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
-    PetscCall(VecNorm(residual, NORM_2, &data->norm));
-    data->checked = it;
-  }
-  if (claim && data->norm > data->allowed && ksp->normtype != KSP_NORM_UNPRECONDITIONED) PetscCall(KSPLatinRounding_Private(ksp, data->solution, &rounding));
-  PetscCall(PetscInfo(ksp, "iteration %" PetscInt_FMT ": |b - A x| is %g, the tolerances allow %g, rounding %g\n", ksp->its, (double)data->norm, (double)data->allowed, (double)rounding));
-  if (data->norm <= PetscMax(data->allowed, rounding)) *reason = data->norm < ksp->abstol ? KSP_CONVERGED_ATOL : KSP_CONVERGED_RTOL;
-  else if (PetscIsInfOrNanReal(data->norm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (!digits) *reason = KSP_DIVERGED_BREAKDOWN;
-  else data->next = it + KSPLatinMore(data, it, norm);
+  if (data->checked != it) PetscCall(KSPLatinTrueNorm_Private(ksp, it));
+  if (claim && data->true_norm > data->allowed && ksp->normtype != KSP_NORM_UNPRECONDITIONED) PetscCall(KSPLatinRounding_Private(ksp, data->solution, &rounding));
+  PetscCall(PetscInfo(ksp, "iteration %" PetscInt_FMT ": |b - A x| is %g, the tolerances allow %g, rounding %g\n", ksp->its, (double)data->true_norm, (double)data->allowed, (double)rounding));
+  if (data->true_norm <= PetscMax(data->allowed, rounding)) *reason = data->true_norm < ksp->abstol ? KSP_CONVERGED_ATOL : KSP_CONVERGED_RTOL;
+  else if (PetscIsInfOrNanReal(data->true_norm)) *reason = KSP_DIVERGED_NANORINF;
+  else if (!digits) *reason = KSP_LATIN_PASS_ENDS;
+  else data->next = it + KSPLatinMore(data, it, interface);
   PetscFunctionReturn(0);
 }
 
 /*
-   Prepares another pass after one that has broken down, at the level of rounding or by decision of the outer KSP: its guess is the current solution, its
-   load the residual. An outer KSP that reports convergence without a test counts as broken down. *again: another pass follows; else ksp->vec_sol is the
-   better of the last two solutions. Collective on ksp
+   Prepares another pass after one with the reason KSP_LATIN_PASS_ENDS, which an outer KSP that reports convergence without a test gets here: its guess
+   is the current solution, its load the residual. *again: another pass follows; else ksp->vec_sol is the better of the last two solutions. Collective
+   on ksp
 */
 PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
 {
   KSP_Latin      *data   = (KSP_Latin *)ksp->data;
-  const PetscReal before = data->norm_before;
+  const PetscReal before = data->true_before;
   Mat             A;
 
   PetscFunctionBegin;
   *again = PETSC_FALSE;
   if (ksp->normtype == KSP_NORM_NONE) PetscFunctionReturn(0);
-  if (ksp->reason > 0 && ksp->reason != KSP_CONVERGED_ITS && ksp->converged == KSPConvergedDefault && data->before + data->checked != ksp->its) ksp->reason = KSP_DIVERGED_BREAKDOWN;
-  if (ksp->reason != KSP_DIVERGED_BREAKDOWN) PetscFunctionReturn(0);
+  if (ksp->reason > 0 && ksp->reason != KSP_CONVERGED_ITS && ksp->converged == KSPConvergedDefault && data->before + data->checked != ksp->its) ksp->reason = KSP_LATIN_PASS_ENDS;
+  if (ksp->reason != KSP_LATIN_PASS_ENDS) PetscFunctionReturn(0);
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(MatMult(A, ksp->vec_sol, data->load));
   PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
-  PetscCall(VecNorm(data->load, NORM_2, &data->norm));
-  if (data->norm <= data->allowed) ksp->reason = KSP_CONVERGED_RTOL;
-  else if (data->passes && !(data->norm <= LATIN_REFINE_GAIN * before)) {
-    if (!(data->norm <= before)) PetscCall(VecCopy(data->guess, ksp->vec_sol));
-    data->norm = PetscMin(data->norm, before);
-    PetscCall(PetscInfo(ksp, "|b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->norm, (double)data->allowed));
+  PetscCall(VecNorm(data->load, NORM_2, &data->true_norm));
+  if (data->true_norm <= data->allowed) ksp->reason = KSP_CONVERGED_RTOL;
+  else if (data->passes && !(data->true_norm <= LATIN_REFINE_GAIN * before)) {
+    if (!(data->true_norm <= before)) PetscCall(VecCopy(data->guess, ksp->vec_sol));
+    data->true_norm = PetscMin(data->true_norm, before);
+    PetscCall(PetscInfo(ksp, "|b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->true_norm, (double)data->allowed));
   } else if (ksp->its >= ksp->max_it) ksp->reason = KSP_DIVERGED_ITS;
   else {
     *again            = PETSC_TRUE;
-    data->norm_before = data->norm;
+    data->true_before = data->true_norm;
     data->before      = ksp->its;
     PetscCall(VecCopy(ksp->vec_sol, data->guess));
   }
