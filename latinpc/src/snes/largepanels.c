@@ -45,9 +45,9 @@ static PetscErrorCode LatinPanelsSlacken_Private(SNES snes, LatinPath *path, Pet
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));
   if (any) {
     PetscCall(LatinPathForces_Private(path->step));
-    structure->slope = slope;
+    LatinStructurePrescribe(structure, NULL, NULL, slope);
     PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->step, path->more, &moved));
-    structure->slope = NULL;
+    LatinStructurePrescribe(structure, NULL, NULL, NULL);
   }
   *slackens = (PetscBool)(moved == PETSC_MAX_REAL);
   PetscCall(PetscFree(slope));

@@ -84,7 +84,7 @@ struct _p_LatinStructure {
        ahead           far from the solution: tensions ahead of the displacements (snes/largenewton.c), stiffnesses of the laws
        ahead, strain   near it: laws are linearised about these strains, also in the unbalance
        ahead, slope    interior-point method: tensions and stiffnesses of its smooth laws (snes/largeinterior.c)
-       slope           other stiffnesses at the tensions of the displacements (snes/largebranch.c)
+       slope           other stiffnesses at the tensions of the displacements (snes/largekinks.c); LATIN_SLACK: none, and no tension
   */
   const PetscReal *ahead, *strain, *slope;
   PetscReal        hold;     /* with `ahead`, not `slope`: stiffness of slack cables, relative to the mean tension over length of taut links */
