@@ -19,7 +19,7 @@
 
 #define LATIN_DESCENT_RADIUS  0.1                           /* initial radius of the trust region, relative to the size of the structure */
 #define LATIN_DESCENT_BALANCE LatinByPrecision(1e-12, 1e-5) /* unbalanced forces at the end, relative to stiffness times size; Newton's method goes on */
-#define LATIN_DESCENT_FORCES  1e-9                          /* the same near the start, relative to the loads: small loads, too, lead off a symmetric state */
+#define LATIN_DESCENT_FORCES  1e-9                          /* the same near the start, relative to the loads: else small loads leave a symmetric state as it is */
 #define LATIN_DESCENT_RTOL    1e-3                          /* rtol of a linear solve */
 #define LATIN_DESCENT_SOON    30                            /* most steps of the first descent; 200: rotations and units change which state towers find */
 #define LATIN_DESCENT_STEPS   1000                          /* most steps of every other descent */

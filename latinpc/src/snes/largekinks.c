@@ -28,21 +28,31 @@ PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBo
   PetscFunctionReturn(0);
 }
 
+/* Returns in *stiffer whether any link has a larger stiffness in b than in a, [links_local] each. Collective on structure */
+PetscErrorCode LatinPathStiffer_Private(LatinStructure structure, const PetscReal a[], const PetscReal b[], PetscBool *stiffer)
+{
+  PetscMPIInt any = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (b[l] > a[l]) any = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  *stiffer = (PetscBool)any;
+  PetscFunctionReturn(0);
+}
+
 /* Returns in *tightens whether any link is stiffer at v than at u, as a slack cable that becomes taut. Collective on snes */
 PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tightens)
 {
-  const PetscInt n = ((SNES_Latin *)snes->data)->large.frame->turns->links_local;
-  PetscReal     *slope;
-  PetscMPIInt    any = 0;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const PetscInt       n         = structure->links_local;
+  PetscReal           *slope;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* not NULL without links either */
   PetscCall(LatinPathSlopes_Private(snes, u, 0.0, PETSC_TRUE, PETSC_FALSE, slope));
   PetscCall(LatinPathSlopes_Private(snes, v, 0.0, PETSC_TRUE, PETSC_FALSE, slope + n));
-  for (PetscInt l = 0; l < n; l++)
-    if (slope[n + l] > slope[l]) any = 1;
+  PetscCall(LatinPathStiffer_Private(structure, slope, slope + n, tightens));
   PetscCall(PetscFree(slope));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));
-  *tightens = (PetscBool)any;
   PetscFunctionReturn(0);
 }

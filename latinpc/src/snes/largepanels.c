@@ -6,7 +6,7 @@
    small loads then, but the energy falls from the symmetric state to the stable one by the cube of the loads only: under small loads no
    descent finds the way, and under none a path begins. So
 
-   1. such structures are recognised: without the links at kinks they are mechanisms;
+   1. such structures are found: without the links at kinks they are mechanisms;
    2. a stable state is sought under heavier loads, down the energy from the present state, disturbed;
    3. its displacements, in proportion to the loads, are the initial guess under lighter ones, down to the loads sought.
 
@@ -33,16 +33,14 @@ static PetscErrorCode LatinPanelsSlacken_Private(SNES snes, LatinPath *path, Pet
 {
   LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
   const PetscInt n         = structure->links_local;
-  PetscMPIInt    any       = 0;
-  PetscReal      moved     = 0.0, *slope;
+  PetscBool      any;
+  PetscReal      moved = 0.0, *slope;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * n + 1, &slope)); /* never NULL */
   PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_FALSE, PETSC_FALSE, slope));
   PetscCall(LatinPathSlopes_Private(snes, path->u, near, PETSC_TRUE, PETSC_FALSE, slope + n));
-  for (PetscInt l = 0; l < n; l++)
-    if (slope[n + l] > slope[l]) any = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)snes)));
+  PetscCall(LatinPathStiffer_Private(structure, slope, slope + n, &any));
   if (any) {
     PetscCall(LatinPathForces_Private(path->step));
     LatinStructurePrescribe(structure, NULL, NULL, slope);
@@ -92,7 +90,7 @@ static PetscErrorCode LatinPanelsRun_Private(SNES snes, LatinPath *path, PetscRe
 
   PetscFunctionBegin;
   if (large->supports.moves) part = PetscMin(end, part);
-  while (!*goes && part >= least && (last->part > 0.0 || part * far > LATIN_PATH_DISTURBS * large->size)) {
+  while (!*goes && SNESLatinStagesLeft(snes) > 0 && part >= least && (last->part > 0.0 || part * far > LATIN_PATH_DISTURBS * large->size)) {
     PetscCall(LatinPanelsSeek_Private(snes, path, part, v, last, &found));
     *goes = (PetscBool)(found && part <= end && (start || last->linear >= LATIN_PANELS_STATES));
     if (found || last->part == 0.0) lighter = LATIN_PANELS_LIGHTER;

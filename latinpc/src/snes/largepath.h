@@ -57,6 +57,7 @@ PETSC_INTERN PetscErrorCode LatinPathStable_Private(SNES, const LatinPath *, Vec
 PETSC_INTERN PetscErrorCode LatinPathStart_Private(SNES, LatinPath *, PetscBool *from);
 PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool *starts);
 /* snes/largekinks.c */
+PETSC_INTERN PetscErrorCode LatinPathStiffer_Private(LatinStructure, const PetscReal a[], const PetscReal b[], PetscBool *stiffer);
 PETSC_INTERN PetscErrorCode LatinPathTightens_Private(SNES, Vec u, Vec v, PetscBool *tightens);
 /* snes/largepanels.c */
 PETSC_INTERN PetscErrorCode LatinPathPanels_Private(SNES, LatinPath *, PetscBool *goes);

@@ -2,15 +2,19 @@
 #include "structure/turned.h"
 
 /*
-   Nodes that slack links leave free. A node all of whose links rest, bearing nothing within the error asked for, and which these do not hold in all directions, as the
-   links of a guy that has gone slack, can give way to each of them: none of them holds its other node either. That may leave this one free as well, along a whole guy.
+   Finds nodes that slack links leave free. A link rests if it bears nothing within the requested error. If all links of a node rest and do not
+   hold it in all directions, as in a guy that has gone slack, the node gives way to each of them. So none of these links holds its other node
+   either, which may then be free as well: the search is repeated along the guy.
 */
 
-#define LATIN_SLACK_HELD PETSC_SQRT_MACHINE_EPSILON /* of the sum of n n^t: a direction less held is held by rounding alone */
+#define LATIN_SLACK_HELD PETSC_SQRT_MACHINE_EPSILON /* least pivot of the sum of n n^t of a node; less is rounding */
 
-#define LATIN_SLACK_NONE PETSC_SQRT_MACHINE_EPSILON /* of the largest tension: one that is none */
+#define LATIN_SLACK_NONE PETSC_SQRT_MACHINE_EPSILON /* largest tension of a link that bears nothing, relative to the largest of all links */
 
-/* Work arrays [vertices]: `busy` where a link bears something; sums of n n^t of links that rest and hold, by columns; `free`: components that are not held */
+/*
+   Work arrays, vectors [vertices][dim]: free, 1 for components without support; busy, not zero at nodes of links that bear; column, the columns of the
+   sums of n n^t over links that rest and hold
+*/
 typedef struct {
   LatinStructure structure;
   PetscReal     *n; /* [links_local][dim] */
@@ -18,7 +22,7 @@ typedef struct {
   Vec            free, busy, column[3];
 } LatinSlack;
 
-/* The sums of all ranks, where this one has parts of them. Collective on structure */
+/* Adds the parts of all ranks in local. Collective on structure */
 static PetscErrorCode LatinSlackSum_Private(LatinStructure structure, Vec local)
 {
   Vec sum;
@@ -32,7 +36,7 @@ static PetscErrorCode LatinSlackSum_Private(LatinStructure structure, Vec local)
   PetscFunctionReturn(0);
 }
 
-/* Links as they stand at u: which rest within `near`, and the nodes of others. Collective on slack->structure */
+/* Computes n and rests of the links at u, free and busy. near: strain from a kink within which a link may rest. Collective on slack->structure */
 static PetscErrorCode LatinSlackRests_Private(const LatinSlack *slack, Vec u, PetscReal near)
 {
   const LatinStructure structure = slack->structure;
@@ -78,7 +82,7 @@ static PetscErrorCode LatinSlackRests_Private(const LatinSlack *slack, Vec u, Pe
   PetscFunctionReturn(0);
 }
 
-/* Is the symmetric matrix positive definite to rounding? Overwrites it */
+/* Whether the symmetric matrix m, [dim][dim], is positive definite beyond rounding. Overwrites m */
 static PetscBool LatinSlackDefinite(PetscInt dim, PetscReal m[])
 {
   for (PetscInt k = 0; k < dim; k++) {
@@ -89,7 +93,7 @@ static PetscBool LatinSlackDefinite(PetscInt dim, PetscReal m[])
   return PETSC_TRUE;
 }
 
-/* Links that rest and hold, as slope says, go where they leave one of their nodes free. *changes: some did. Collective on slack->structure */
+/* Sets slope to LATIN_SLACK for resting links of free nodes. *changes: one of them held before. Collective on slack->structure */
 static PetscErrorCode LatinSlackGo_Private(const LatinSlack *slack, PetscReal slope[], PetscBool *changes)
 {
   const LatinStructure structure = slack->structure;
@@ -133,7 +137,7 @@ static PetscErrorCode LatinSlackGo_Private(const LatinSlack *slack, PetscReal sl
   PetscFunctionReturn(0);
 }
 
-/* slope: LATIN_SLACK for links of nodes that slack links leave free at u, where those nearer to a kink than `near` are slack as well. Collective on structure */
+/* Sets slope to LATIN_SLACK for links of nodes that slack links leave free at u. Links nearer to a kink than `near` count as slack. Collective on structure */
 PetscErrorCode LatinPathSlack_Private(LatinStructure structure, Vec u, PetscReal near, PetscReal slope[])
 {
   const PetscInt dim     = structure->dim;
