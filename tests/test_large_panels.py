@@ -13,7 +13,8 @@ import latinpc
 
 LOADED = 40  # seeds of structures without prestress, 21 of which increments of the loads alone do not solve
 TENSE = 40  # seeds of prestressed ones
-REFUSED = 6  # prestressed ones whose panels shear one after the other; some buckle
+REFUSED = 4  # prestressed ones whose panels shear one after the other; some buckle
+LIGHT = range(50, 80)  # loads so small that energies differ by 1e-13 of the stiffness times the size: 3 were refused
 
 
 def braced(seed, prestressed=False):
@@ -87,12 +88,16 @@ def solved(drawn, comm=PETSc.COMM_SELF):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize(("prestressed", "seeds", "refused"), [(False, LOADED, 1), (True, TENSE, REFUSED)])
-def test_braced_structures_stand(prestressed, seeds, refused):
+@pytest.mark.parametrize(
+    ("prestressed", "seeds", "times", "refused"),
+    [(False, range(LOADED), 1.0, 1), (False, LIGHT, 1e-3, 1), (True, range(TENSE), 1.0, REFUSED)],
+)
+def test_braced_structures_stand(prestressed, seeds, times, refused):
     """Crossed cables slacken together in compressed panels, which shear: what is found is in balance, and stable."""
     left = 0
-    for seed in range(seeds):
+    for seed in seeds:
         drawn = braced(seed, prestressed)
+        drawn["load"] *= times
         found = solved(drawn)
         left += not found.converged
         if found.converged:

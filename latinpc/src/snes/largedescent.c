@@ -34,6 +34,8 @@ typedef struct {
   Vec            load, weight; /* loads, with those of snes; displacement per unknown: size times the root of the mean stiffness over that at the node */
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* mean stiffness times size, a force; size of the structure, a length */
+  PetscReal      loads;        /* norm of the loads, each times the displacement of its unit unknown: a work */
+  PetscReal      unit;         /* unit of the energy: TAO compares energies in absolute terms */
   PetscReal      balance;      /* unbalanced forces at the end, relative to stiffness times size */
   PetscReal      times;        /* current factor on the loads */
   PetscBool      near;         /* the descent should stay near its start, preconditioned by the present operators */
@@ -72,7 +74,7 @@ static PetscErrorCode LatinDescentWeights_Private(LatinDescent *descent)
   PetscFunctionReturn(0);
 }
 
-/* Computes the energy, relative to the mean stiffness times the square of the size, and its gradient. Collective on tao */
+/* Computes the energy at x, in units of descent->unit, and its gradient. Collective on tao */
 static PetscErrorCode LatinDescentEnergy_Private(Tao tao, Vec x, PetscReal *energy, Vec gradient, void *ctx)
 {
   const LatinDescent *descent   = (LatinDescent *)ctx;
@@ -85,11 +87,11 @@ static PetscErrorCode LatinDescentEnergy_Private(Tao tao, Vec x, PetscReal *ener
   PetscCall(VecWAXPY(descent->more, -descent->times, descent->load, structure->load));
   PetscCall(LatinTurningEnergy_Private(structure, descent->u, energy));
   PetscCall(VecDot(descent->more, descent->u, &work));
-  *energy = (*energy + PetscRealPart(work)) / (descent->force * descent->size);
+  *energy = (*energy + PetscRealPart(work)) / descent->unit;
   PetscCall(LatinTurningResidual_Private(structure, NULL, descent->u, gradient));
   PetscCall(VecAXPY(gradient, 1.0, descent->more));
   PetscCall(VecPointwiseMult(gradient, gradient, descent->weight));
-  PetscCall(VecScale(gradient, 1.0 / (descent->force * descent->size)));
+  PetscCall(VecScale(gradient, 1.0 / descent->unit));
   PetscFunctionReturn(0);
 }
 
@@ -112,7 +114,7 @@ static PetscErrorCode LatinDescentTangent_Private(Tao tao, Vec x, Mat A, Mat P, 
   PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY)); /* discards the scaling of the last step */
   PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatDiagonalScale(A, descent->weight, descent->weight));
-  PetscCall(MatScale(A, 1.0 / (descent->force * descent->size)));
+  PetscCall(MatScale(A, 1.0 / descent->unit));
   PetscFunctionReturn(0);
 }
 
@@ -132,7 +134,7 @@ static PetscErrorCode LatinDescentConverged_Private(Tao tao, void *ctx)
     PetscCall(VecAXPY(descent->u, -1.0, descent->start));
     PetscCall(VecNorm(descent->u, NORM_INFINITY, &away));
   }
-  if (left <= descent->balance) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
+  if (left * descent->unit <= descent->balance * descent->force * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_GATOL));
   else if (far > LATIN_LARGE_NOWHERE || away > LATIN_DESCENT_AWAY * descent->size) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_USER));
   else if (it >= descent->most) PetscCall(TaoSetConvergedReason(tao, TAO_DIVERGED_MAXITS));
   else if (it && radius <= PETSC_MACHINE_EPSILON) PetscCall(TaoSetConvergedReason(tao, TAO_CONVERGED_STEPTOL));
@@ -169,7 +171,7 @@ static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
   PetscCall(VecPointwiseDivide(descent->u, r, descent->weight));
   PetscCall(PCApply(descent->pc, descent->u, z));
   PetscCall(VecPointwiseDivide(z, z, descent->weight));
-  PetscCall(VecScale(z, descent->force * descent->size));
+  PetscCall(VecScale(z, descent->unit));
   PetscFunctionReturn(0);
 }
 
@@ -231,6 +233,25 @@ static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec
 }
 
 /*
+   Sets descent->unit to the strain energy at x, or if larger, to the energy of the displacements that the current loads cause where the mean stiffness holds
+   each node. So the energies that TAO compares are near 1 for small loads as well: in another unit they would be below its rounding, and each step would be
+   accepted. Collective on descent->structure
+*/
+static PetscErrorCode LatinDescentUnit_Private(LatinDescent *descent, Vec x)
+{
+  const PetscReal whole = descent->force * descent->size;
+  PetscScalar     work;
+
+  PetscFunctionBegin;
+  PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+  PetscCall(LatinTurningEnergy_Private(descent->structure, descent->u, &descent->unit));
+  PetscCall(VecDot(descent->structure->load, descent->u, &work));
+  descent->unit = PetscMax(descent->unit + PetscRealPart(work), PetscSqr(descent->times * descent->loads) / whole);
+  if (!(descent->unit > 0.0)) descent->unit = whole;
+  PetscFunctionReturn(0);
+}
+
+/*
    Runs the descents from x, until one under the loads themselves is final:
 
    1. Under the loads themselves. If that takes too long and the loads pull all bars tight, the bars are solved for as cables.
@@ -255,6 +276,7 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
   descent->most  = descent->near ? LATIN_DESCENT_NEAR : heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
   while (!done) {
     if (descent->times > 1.0) descent->tried = PETSC_TRUE;
+    PetscCall(LatinDescentUnit_Private(descent, x));
     PetscCall(TaoSolve(tao));
     PetscCall(TaoGetConvergedReason(tao, reason));
     PetscCall(TaoGetIterationNumber(tao, &steps));
@@ -320,6 +342,7 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBoo
   PetscCall(VecPointwiseMult(x, descent.load, descent.weight));
   PetscCall(VecNorm(x, NORM_2, &loads));
   descent.balance = LATIN_DESCENT_BALANCE;
+  descent.loads   = loads;
   if (near) descent.balance = PetscMin(LATIN_DESCENT_BALANCE, LATIN_DESCENT_FORCES * loads / (descent.force * descent.size));
   PetscCall(VecPointwiseDivide(x, u, descent.weight));
   PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));

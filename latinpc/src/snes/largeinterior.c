@@ -16,21 +16,22 @@
    tangent that is not positive definite before that shows that the loads lead past a limit point: a tower found an equilibrium upside down.
 */
 
-#define LATIN_INTERIOR_MOST    60   /* most steps; grids of tensegrity modules take 12 to 20 */
-#define LATIN_INTERIOR_BACK    0.99 /* part of the way to where a tension or a slack would vanish */
-#define LATIN_INTERIOR_CENTRE  1e-4 /* least factor on the mean product t s in a step */
-#define LATIN_INTERIOR_SPREAD  10.0 /* corrections draw products towards their mean if they differ from it by more than this factor */
-#define LATIN_INTERIOR_CORRECT 2    /* most corrections per step; each is a solve with the present operators */
-#define LATIN_INTERIOR_ENOUGH  0.9  /* no corrections if a step can be taken to at least this part; 1: a quarter more linear stages */
-#define LATIN_INTERIOR_SHORT   1e-6 /* least part of a step; shorter ones make no progress */
-#define LATIN_INTERIOR_STEP    1e-4 /* relative step below which Newton's method is tried; 1e-3: it fails on grids */
-#define LATIN_INTERIOR_AGAIN   0.1  /* factor on this step after it has failed */
-#define LATIN_INTERIOR_SMALL   1e-9 /* sum of the products t s, relative to tensions times lengths, at which the method of multipliers takes over */
-#define LATIN_INTERIOR_AIM     0.3  /* least mean product, relative to those: smaller ones, while lengths and balance lag, make systems nearly singular */
-#define LATIN_INTERIOR_FIRST   0.1  /* initial slack of inextensible links, relative to their length */
-#define LATIN_INTERIOR_NONE    1e-6 /* natural lengths below this part of the drawn length count as zero */
-#define LATIN_INTERIOR_FLOOR   1e-6 /* least tension in the linear systems, relative to the mean, for nodes held by slack cables only, */
-#define LATIN_INTERIOR_DIGITS  10.0 /* and relative to LATIN_MECHANISM times the largest stiffness times length: less is a mechanism to the factorisation */
+#define LATIN_INTERIOR_MOST    60    /* most steps; grids of tensegrity modules take 12 to 20 */
+#define LATIN_INTERIOR_BACK    0.99  /* part of the way to where a tension or a slack would vanish */
+#define LATIN_INTERIOR_CENTRE  1e-4  /* least factor on the mean product t s in a step */
+#define LATIN_INTERIOR_SPREAD  10.0  /* corrections draw products towards their mean if they differ from it by more than this factor */
+#define LATIN_INTERIOR_CORRECT 2     /* most corrections per step; each is a solve with the present operators */
+#define LATIN_INTERIOR_ENOUGH  0.9   /* no corrections if a step can be taken to at least this part; 1: a quarter more linear stages */
+#define LATIN_INTERIOR_SHORT   1e-6  /* least part of a step; shorter ones make no progress */
+#define LATIN_INTERIOR_STEP    1e-4  /* relative step below which Newton's method is tried; 1e-3: it fails on grids */
+#define LATIN_INTERIOR_AGAIN   0.1   /* factor on this step after it has failed */
+#define LATIN_INTERIOR_SMALL   1e-9  /* sum of the products t s, relative to tensions times lengths, at which the method of multipliers takes over */
+#define LATIN_INTERIOR_LEAST   1e-18 /* mean product, relative to the first, below which no step helps: rounding */
+#define LATIN_INTERIOR_AIM     0.3   /* least mean product, relative to those: smaller ones, while lengths and balance lag, make systems nearly singular */
+#define LATIN_INTERIOR_FIRST   0.1   /* initial slack of inextensible links, relative to their length */
+#define LATIN_INTERIOR_NONE    1e-6  /* natural lengths below this part of the drawn length count as zero */
+#define LATIN_INTERIOR_FLOOR   1e-6  /* least tension in the linear systems, relative to the mean, for nodes held by slack cables only, */
+#define LATIN_INTERIOR_DIGITS  10.0  /* and relative to LATIN_MECHANISM times the largest stiffness times length: less is a mechanism to the factorisation */
 
 /* Arrays are of [links_local], n of [links_local][dim] */
 typedef struct {
@@ -434,8 +435,8 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
-  PetscReal   near  = LATIN_INTERIOR_STEP, part, step, size;
-  Vec         u     = snes->vec_sol;
+  PetscReal   near = LATIN_INTERIOR_STEP, first = 0.0, part, step, size;
+  Vec         u = snes->vec_sol;
   KSP         ksp;
 
   PetscFunctionBegin;
@@ -452,7 +453,8 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
     PetscCall(VecNorm(point->du, NORM_2, &step));
     PetscCall(VecNorm(u, NORM_2, &size));
     PetscCall(PetscInfo(snes, "Interior point, step %" PetscInt_FMT ": %g of %g, displacements %g; product of tension and slack %g%s\n", k, (double)part, (double)step, (double)size, (double)point->mean, point->unstable ? ", unstable" : ""));
-    if (PetscIsInfOrNanReal(size) || part < LATIN_INTERIOR_SHORT) break;
+    if (!k) first = point->mean;
+    if (PetscIsInfOrNanReal(size) || part < LATIN_INTERIOR_SHORT || point->mean < LATIN_INTERIOR_LEAST * first) break;
     if (point->unstable && !point->rigid && step > large->near * size) break; /* past a limit point. In small steps the cause is a node of a slackening cable */
     if (point->rigid) {                                                       /* not the displacements: nodes held by slack cables only never settle */
       PetscCall(LatinInteriorLeft_Private(point, part, &data->estimate.tensions));

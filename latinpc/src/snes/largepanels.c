@@ -19,6 +19,7 @@
 #define LATIN_PANELS_CLOSE   0.8  /* a ratio beyond this, and the next search begins at the present state again */
 #define LATIN_PANELS_LINEAR  1.4  /* largest ratio of displacements to those in proportion to the loads */
 #define LATIN_PANELS_STATES  2    /* comparisons that show proportion: between two states beyond different snaps it may be chance */
+#define LATIN_PANELS_DISTURB 1e-6 /* disturbance of the state that a search begins at, relative to the displacements that its tangent stiffness predicts */
 #define LATIN_PANELS_BRANCH  1e-2 /* part of the path: largest step onto a branch */
 
 /* The last stable state of a search */
@@ -54,25 +55,26 @@ static PetscErrorCode LatinPanelsSlacken_Private(SNES snes, LatinPath *path, Pet
 
 /*
    Seeks a stable state that part of the path beyond path->u: from the last state, in proportion to the loads, or if there is none, from
-   path->u, disturbed. If one is found, it is the last state. Overwrites v and path->step. Collective on snes
+   path->u, disturbed. If one is found, it is the last state. far: displacements of the whole path by the tangent stiffness at path->u.
+   Overwrites v and path->step. Collective on snes
 */
-static PetscErrorCode LatinPanelsSeek_Private(SNES snes, LatinPath *path, PetscReal part, Vec v, LatinPanelState *last, PetscBool *found)
+static PetscErrorCode LatinPanelsSeek_Private(SNES snes, LatinPath *path, PetscReal far, PetscReal part, Vec v, LatinPanelState *last, PetscBool *found)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
   const PetscReal   ratio = last->part > 0.0 ? part / last->part : 0.0;
-  PetscReal         size, far;
+  PetscReal         size, moved;
 
   PetscFunctionBegin;
   if (ratio > 0.0) PetscCall(VecWAXPY(v, -1.0, path->u, last->u));
   else PetscCall(LatinPathForces_Private(v));
   PetscCall(VecNorm(v, NORM_INFINITY, &size));
-  PetscCall(VecAYPX(v, ratio > 0.0 ? ratio : LATIN_PATH_DISTURBS * large->size / size, path->u));
+  PetscCall(VecAYPX(v, ratio > 0.0 ? ratio : LATIN_PANELS_DISTURB * part * far / size, path->u));
   if (ratio > 0.0) PetscCall(LatinPathNear_Private(snes, path, large->reached + part, v, found));
   else PetscCall(LatinPathDown_Private(snes, path, path->u, large->reached + part, v, found));
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
-  PetscCall(VecNorm(path->step, NORM_INFINITY, &far));
-  PetscCall(PetscInfo(snes, "Links at kinks alone hold the structure at %g of the path: %s %g of it further, %g away\n", (double)large->reached, *found ? "a stable state" : "none", (double)part, (double)far));
-  last->linear = *found && ratio > 0.0 && ratio <= 1.01 * LATIN_PANELS_LIGHTER && far <= LATIN_PANELS_LINEAR * ratio * size ? last->linear + 1 : 0;
+  PetscCall(VecNorm(path->step, NORM_INFINITY, &moved));
+  PetscCall(PetscInfo(snes, "Links at kinks alone hold the structure at %g of the path: %s %g of it further, %g away\n", (double)large->reached, *found ? "a stable state" : "none", (double)part, (double)moved));
+  last->linear = *found && ratio > 0.0 && ratio <= 1.01 * LATIN_PANELS_LIGHTER && moved <= LATIN_PANELS_LINEAR * ratio * size ? last->linear + 1 : 0;
   if (!*found) PetscFunctionReturn(0);
   PetscCall(VecCopy(v, last->u));
   last->part = part;
@@ -90,8 +92,8 @@ static PetscErrorCode LatinPanelsRun_Private(SNES snes, LatinPath *path, PetscRe
 
   PetscFunctionBegin;
   if (large->supports.moves) part = PetscMin(end, part);
-  while (!*goes && SNESLatinStagesLeft(snes) > 0 && part >= least && (last->part > 0.0 || part * far > LATIN_PATH_DISTURBS * large->size)) {
-    PetscCall(LatinPanelsSeek_Private(snes, path, part, v, last, &found));
+  while (!*goes && SNESLatinStagesLeft(snes) > 0 && part >= least) {
+    PetscCall(LatinPanelsSeek_Private(snes, path, far, part, v, last, &found));
     *goes = (PetscBool)(found && part <= end && (start || last->linear >= LATIN_PANELS_STATES));
     if (found || last->part == 0.0) lighter = LATIN_PANELS_LIGHTER;
     else lighter = PetscSqrtReal(lighter);
