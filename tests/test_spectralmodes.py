@@ -96,6 +96,15 @@ def test_none_below_the_threshold():
     assert np.array_equal(with_them.u, without.u)
 
 
+@pytest.mark.parametrize("modules", [6, 10])
+def test_a_single_subdomain_has_no_interfaces(modules):
+    """No fields, and the displacements are those of a solve without them; the larger grid has a sparse factor."""
+    scene = make("tensegrity-grid", modules=modules, partition="metis")
+    without, with_them = solve(scene, subdomains=1), solve(scene, subdomains=1, modes_local=THRESHOLD)
+    assert with_them.statistics["local_macro_dofs"] == 0
+    assert np.array_equal(with_them.u, without.u)
+
+
 def test_most_of_a_subdomain():
     """However large the threshold, a subdomain has 64 fields at most."""
     assert statistics(irregular(), modes_local=1e6)["local_modes_max"] == 64

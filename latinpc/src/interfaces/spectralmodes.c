@@ -154,13 +154,17 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
     weight[n]   = PetscSqrtReal(spring[top + i]);
     dof[n++]    = i;
   }
+  if (!n) {
+    PetscCall(PetscFree3(dof, position, weight));
+    PetscFunctionReturn(0); /* a whole structure, or an interface of primal and prescribed dofs alone, has no fields */
+  }
   columns = PetscMin(n, LATIN_SPECTRAL_MOST);
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)columns, &V));
   PetscCall(LatinSpectralStiffness_Private(spectral, s, spring, held, n, dof, position, G, &mechanism));
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
   for (PetscInt j = 0; j < n; j++)
     for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
-  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, 1.0 / (1.0 + LatinSpectralThreshold(spectral)), G, NULL, V, &mode, &modes, bad));
+  if (!mechanism) PetscCall(LatinSpectralEigen_Private(n, 1.0 / (1.0 + LatinSpectralThreshold(spectral)), G, NULL, V, &mode, &modes, bad));
   spectral->modes[s] = modes;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, modes, V + (size_t)n * (size_t)mode, position, weight));
   PetscCall(PetscFree2(G, V));
