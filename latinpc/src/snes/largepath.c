@@ -13,7 +13,7 @@
       interior-point method takes over, which needs as many steps for a large increment as for a small one. From then on the largest
       increments are solved first, and Newton's method is not repeated from the same equilibrium for larger increments than one at which it
       failed.
-   3. Comparison (LatinPathMoved_Private): the mean rate of each node's displacement over the increment must lie between the rates of the
+   3. Comparison (LatinPathCompare_Private): the mean rate of each node's displacement over the increment must lie between the rates of the
       tangent stiffness at its start and at its end, or beside them by a part of their mean. This holds on smooth paths, and if a cable
       slackens on the way. Next to a limit point the rate at the end is useless; then the displacement may be twice that predicted at the
       start. Each node counts, with the direction of its motion: a small truss that snaps through hardly changes the norm of all
@@ -89,47 +89,97 @@ static PetscErrorCode LatinPathTied_Private(LatinStructure structure, const Lati
   PetscFunctionReturn(0);
 }
 
+/* Displacements of an increment and their predictions by the tangent stiffness, scaled to the whole path; zero at nodes that slack links leave free */
+typedef struct {
+  PetscReal part;   /* length of the increment, as a part of the path */
+  PetscReal little; /* displacements below this are not compared */
+  PetscReal moved;  /* l2 norm of mean */
+  Vec       mean;   /* mean rate over the increment */
+  Vec       start;  /* rate at its start */
+} LatinPathRates;
+
+/* Computes the rates of the increment from path->u to the target. Collective on snes */
+static PetscErrorCode LatinPathRatesCreate_Private(SNES snes, const LatinPath *path, const LatinPathTarget *target, LatinPathRates *rates)
+{
+  const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
+  PetscReal            before, step;
+
+  PetscFunctionBegin;
+  rates->part = target->part - large->reached;
+  PetscCall(DMGetGlobalVector(structure->dm, &rates->mean));
+  PetscCall(VecWAXPY(rates->mean, -1.0, path->u, target->u));
+  PetscCall(VecNorm(rates->mean, NORM_INFINITY, &step));
+  PetscCall(VecScale(rates->mean, 1.0 / rates->part));
+  PetscCall(DMGetGlobalVector(structure->dm, &rates->start));
+  PetscCall(LatinPathTied_Private(structure, path, target, rates->mean, rates->start));
+  PetscCall(VecNorm(rates->mean, NORM_2, &rates->moved));
+  PetscCall(VecNorm(path->u, NORM_INFINITY, &before));
+  rates->little = PetscMax(LATIN_PATH_KINK * PetscMax(before, step), LATIN_LARGE_NONE * large->size) / rates->part;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinPathRatesDestroy_Private(LatinStructure structure, LatinPathRates *rates)
+{
+  PetscFunctionBegin;
+  PetscCall(DMRestoreGlobalVector(structure->dm, &rates->start));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &rates->mean));
+  PetscFunctionReturn(0);
+}
+
+/* Returns in *follows whether the mean rate of each node lies between the rates of the tangent stiffness, or near them. Collective on structure */
+static PetscErrorCode LatinPathFollows_Private(LatinStructure structure, const LatinPath *path, const LatinPathTarget *target, const LatinPathRates *rates, PetscBool *follows)
+{
+  const PetscBool small  = (PetscBool)(rates->part <= LATIN_PATH_STIFFENS);
+  const PetscBool useful = (PetscBool)(target->far <= (small ? LATIN_PATH_SOFT : LATIN_PATH_FAR) * path->far); /* next to a limit point the rate at the end is not */
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathBetween_Private(structure, rates->mean, rates->start, useful ? target->ahead : NULL, rates->little, follows));
+  /* path->u is at a kink of a law: only the rate at the end counts */
+  if (!*follows && small) PetscCall(LatinPathBetween_Private(structure, rates->mean, target->ahead, target->ahead, rates->little, follows));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Returns in *stiffens whether any node stiffens by more than an increment of this size allows (Stiffening, in the comment of the file). Overwrites
+   rates->mean. Collective on snes
+*/
+static PetscErrorCode LatinPathStiffens_Private(SNES snes, const LatinPath *path, const LatinPathTarget *target, const LatinPathRates *rates, PetscBool *stiffens)
+{
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  PetscBool            allowed;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathNodes_Private(structure, rates->start, rates->mean, NULL, rates->little, &allowed));
+  if (allowed) PetscCall(LatinPathNodes_Private(structure, rates->mean, target->ahead, NULL, rates->little, &allowed));
+  if (!allowed && rates->part <= LATIN_PATH_STIFFENS) {
+    PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &allowed));
+    if (!allowed) PetscCall(LatinPathRises_Private(structure, path->u, target->u, rates->mean, &allowed));
+  }
+  *stiffens = (PetscBool)!allowed;
+  PetscFunctionReturn(0);
+}
+
 /*
    Compares the increment from path->u to the target with the tangent stiffness at both ends (step 3 of the file). *smaller: 1 if the
    increment is accepted, else the factor for the next one. Sets target->other. Collective on snes
 */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
+static PetscErrorCode LatinPathCompare_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
-  const PetscReal      more = target->part - data->large.reached, back = target->far;
-  PetscReal            size, step, moved, little;
-  PetscBool            within = PETSC_TRUE;
-  Vec                  change, ahead; /* displacements of the increment, scaled to the whole path; prediction at its start */
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  PetscBool            follows, stiffens = PETSC_FALSE;
+  LatinPathRates       rates;
 
   PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(structure->dm, &change));
-  PetscCall(VecWAXPY(change, -1.0, path->u, target->u));
-  PetscCall(VecNorm(change, NORM_INFINITY, &step));
-  PetscCall(VecScale(change, 1.0 / more));
-  PetscCall(DMGetGlobalVector(structure->dm, &ahead));
-  PetscCall(LatinPathTied_Private(structure, path, target, change, ahead));
-  PetscCall(VecNorm(change, NORM_2, &moved));
-  PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
-  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_LARGE_NONE * data->large.size) / more;
-  PetscCall(LatinPathBetween_Private(structure, change, ahead, back <= (more > LATIN_PATH_STIFFENS ? LATIN_PATH_FAR : LATIN_PATH_SOFT) * path->far ? target->ahead : NULL, little, &within));
-  /* path->u is at a kink of a law: only the rate at the end counts */
-  if (!within && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, target->ahead, target->ahead, little, &within));
-  target->other = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
-  *smaller      = within ? 1.0 : 0.5;
-  if (within) {
-    PetscCall(LatinPathNodes_Private(structure, ahead, change, NULL, little, &within));
-    if (within) PetscCall(LatinPathNodes_Private(structure, change, target->ahead, NULL, little, &within));
-    if (!within && more <= LATIN_PATH_STIFFENS) {
-      PetscCall(LatinPathTightens_Private(snes, path->u, target->u, &within));
-      if (!within) PetscCall(LatinPathRises_Private(structure, path->u, target->u, change, &within));
-    }
-    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS / more)); /* not below the size from which on stiffening is allowed */
-  }
-  PetscCall(DMRestoreGlobalVector(structure->dm, &ahead));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &change));
-  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
-                      within ? "" : ", of some nodes more or less than that"));
+  PetscCall(LatinPathRatesCreate_Private(snes, path, target, &rates));
+  PetscCall(LatinPathFollows_Private(structure, path, target, &rates, &follows));
+  if (follows) PetscCall(LatinPathStiffens_Private(snes, path, target, &rates, &stiffens));
+  target->other = (PetscBool)(!follows && rates.moved > LATIN_PATH_FAR * PetscMax(path->far, target->far));
+  if (stiffens) *smaller = PetscMin(0.5, PetscMax(rates.moved / path->far, LATIN_PATH_STIFFENS / rates.part)); /* not below the size from which on stiffening is allowed */
+  else *smaller = follows ? 1.0 : 0.5;
+  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(rates.part * rates.moved), (double)(rates.part * path->far), (double)(rates.part * target->far),
+                      follows && !stiffens ? "" : ", of some nodes more or less than that"));
+  PetscCall(LatinPathRatesDestroy_Private(structure, &rates));
   PetscFunctionReturn(0);
 }
 
@@ -250,7 +300,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
     if (!found) PetscFunctionReturn(0);
     PetscCall(LatinPathSee_Private(snes, path, target));
   }
-  PetscCall(LatinPathMoved_Private(snes, path, target, smaller));
+  PetscCall(LatinPathCompare_Private(snes, path, target, smaller));
   if (!target->stable) *smaller = PetscMin(0.5, *smaller);
   if (target->other && known) PetscCall(VecDestroy(&target->u)); /* on another path, seen from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
