@@ -34,15 +34,18 @@ typedef struct {
 } FRONT(LatinFrontsWork);
 
 /* Assembles the columns of the matrix that front f eliminates */
-static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], FRONT_REAL panel[])
+static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const LatinEntries *entries, FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f];
 
   for (PetscInt c = 0; c < F->columns[f]; c++, panel += height) {
     const PetscInt own = F->order[F->first[f] + c];
 
-    for (PetscInt k = i[own]; k < i[own + 1]; k++)
-      if (work->place[j[k]] >= F->first[f] + c) panel[work->at[work->place[j[k]]]] += (FRONT_REAL)a[k];
+    for (PetscInt k = entries->i[own]; k < entries->i[own + 1]; k++) {
+      const PetscInt place = work->place[entries->j[k]];
+
+      if (place >= F->first[f] + c) panel[work->at[place]] += (FRONT_REAL)entries->a[k];
+    }
   }
 }
 
@@ -177,26 +180,55 @@ static void FRONT(LatinFrontSchur)(const LatinFronts *F, const FRONT(LatinFronts
   }
 }
 
-/*
-   Assembles, eliminates and stores front f, whose children are done. Its contribution block is put on one end of the stack, those of its children are
-   taken from the other. The panel of a late and large front is in the free room between both ends: there, pages that have been read are released before
-   others are written. Returns PETSC_FALSE if the front is not positive definite
-*/
-static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
+/* Returns the number of free entries of the stack, between its two ends */
+static size_t FRONT(LatinStackFree)(const FRONT(LatinFrontsWork) * work)
 {
-  FRONT_REAL     *panel = work->rounded ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinContributionEntries(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
-  const size_t    bytes = (size_t)(F->row_first[f + 1] - F->row_first[f]) * (size_t)F->columns[f] * sizeof(*panel);
-  const PetscBool large = (PetscBool)(work->rounded && F->kept && f >= F->late && 2 * bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinContributionEntries(F, f) + bytes / sizeof(*panel)) > work->size);
+  return work->size - work->top[0] - work->top[1];
+}
 
-  work->block[f] = F->odd[f] ? work->size - work->top[1] - LatinContributionEntries(F, f) : work->top[0];
-  if (large) LatinRoomZero(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*panel));
-  else memset(panel, 0, bytes);
-  for (PetscInt r = F->row_first[f]; r < F->row_first[f + 1]; r++) work->at[F->row[r]] = r - F->row_first[f];
-  FRONT(LatinFrontAssemble)(F, work, f, 0, F->columns[f], large, panel, NULL);
-  FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
-  if (!FRONT(LatinFrontEliminate)(F, work, f, large, panel, work->stack + work->block[f])) return PETSC_FALSE;
+/* Returns where the contribution block of front f is put: on the end of the stack for its depth */
+static size_t FRONT(LatinStackPlace)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f)
+{
+  return F->odd[f] ? work->size - work->top[1] - LatinContributionEntries(F, f) : work->top[0];
+}
+
+/* Takes the contribution blocks of the children of front f from one end of the stack, and keeps its own on the other */
+static void FRONT(LatinStackExchange)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f)
+{
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinContributionEntries(F, c);
   work->top[F->odd[f]] += LatinContributionEntries(F, f);
+}
+
+/* Returns where the columns of front f are eliminated: in the factor or, if this is rounded, in the free room of the stack beside the contribution block */
+static FRONT_REAL *FRONT(LatinFrontPanel)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f)
+{
+  if (!work->rounded) return (FRONT_REAL *)F->factor + F->panel[f];
+  return work->stack + work->top[0] + (F->odd[f] ? 0 : LatinContributionEntries(F, f));
+}
+
+/* Whether front f, of these entries, is so late and large that memory is at its peak: pages that have been read are released before others are written */
+static PetscBool FRONT(LatinFrontLarge)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, size_t entries)
+{
+  if (!work->rounded || !F->kept || f < F->late || 2 * entries * sizeof(FRONT_REAL) < LATIN_PAGE) return PETSC_FALSE;
+  return (PetscBool)(2 * (work->top[0] + work->top[1] + LatinContributionEntries(F, f) + entries) > work->size);
+}
+
+/* Assembles, eliminates and stores front f, whose children are done. Returns PETSC_FALSE if it is not positive definite */
+static PetscBool FRONT(LatinFrontFactor)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const LatinEntries *entries, PetscReal S[])
+{
+  const PetscInt  height = F->row_first[f + 1] - F->row_first[f], *row = F->row + F->row_first[f];
+  const size_t    size  = (size_t)height * (size_t)F->columns[f];
+  const PetscBool large = FRONT(LatinFrontLarge)(F, work, f, size);
+  FRONT_REAL     *panel = FRONT(LatinFrontPanel)(F, work, f);
+
+  work->block[f] = FRONT(LatinStackPlace)(F, work, f);
+  if (large) LatinRoomZero(work->stack + work->top[0], FRONT(LatinStackFree)(work) * sizeof(*panel));
+  else memset(panel, 0, size * sizeof(*panel));
+  for (PetscInt r = 0; r < height; r++) work->at[row[r]] = r;
+  FRONT(LatinFrontAssemble)(F, work, f, 0, F->columns[f], large, panel, NULL);
+  FRONT(LatinFrontEntries)(F, work, f, entries, panel);
+  if (!FRONT(LatinFrontEliminate)(F, work, f, large, panel, work->stack + work->block[f])) return PETSC_FALSE;
+  FRONT(LatinStackExchange)(F, work, f);
   FRONT(LatinFrontSchur)(F, work, f, panel, S);
   return FRONT(LatinFrontStore)(F, f, work->rounded, large, panel);
 }
@@ -208,10 +240,10 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
   for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
     if (callback.call && F->columns[f] && F->n - F->kept - F->first[f] <= entries->rows) {
       entries->rows /= 2;
-      LatinRoomRelease(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*work->stack));
+      LatinRoomRelease(work->stack + work->top[0], FRONT(LatinStackFree)(work) * sizeof(*work->stack));
       PetscCall(LatinEntriesRelease_Private(F, F->first[f], work->place, callback, entries));
     }
-    if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, entries->i, entries->j, entries->a, S)) *bad = F->order[F->first[f]];
+    if (F->columns[f] && !FRONT(LatinFrontFactor)(F, work, f, entries, S)) *bad = F->order[F->first[f]];
   }
   /* the block of the kept rows itself */
   for (PetscInt c = 0, inside = F->n - F->kept; c < F->kept; c++)
