@@ -219,51 +219,73 @@ static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const La
     }
 }
 
-/*
-   Computes H and Phi of one subdomain; H holds K_CC on entry. inverse: NULL, or K_rr^-1, which becomes K_rr^-1 - V_m T^-1 V_m^t, the inverse under zero
-   coarse displacements. *singular: T is not positive definite.
-*/
-static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
+/* Sets the blocks of H (m x m), which holds K_CC - K_Cr V_C, from T^-1 (macros x macros) and N; TN becomes T^-1 N */
+static PetscErrorCode LatinHomogeniseStiffness_Private(PetscInt macros, PetscInt m, const PetscScalar T[], const PetscScalar N[], PetscScalar TN[], PetscScalar H[])
 {
-  const PetscBool   kept = linear->keeps[which];
-  const PetscInt    s = linear->batches->batch[which].sub[0], top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const PetscInt    macros = linear->coarse->macro_count[s], primals = m - macros;
-  const size_t      rows = (size_t)linear->Phi[s].rows;
-  PetscScalar      *H = linear->stiffness.H + linear->stiffness.h_offset[s], *phi = linear->Phi[s].a, *T, *N, *TN, *VT;
-  const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
-  PetscBLASInt      bm, bp, bl, br, info = 0;
+  const PetscInt    primals = m - macros;
+  const PetscScalar one = 1.0, zero = 0.0;
+  PetscBLASInt      bm, bp, bl;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(macros, &bm));
   PetscCall(PetscBLASIntCast(primals, &bp));
   PetscCall(PetscBLASIntCast(m, &bl));
-  PetscCall(PetscBLASIntCast(PetscMax(linear->Phi[s].rows, 1), &br));
-  PetscCall(PetscMalloc4((size_t)macros * macros, &T, (size_t)macros * primals, &N, (size_t)macros * primals, &TN, rows * (size_t)macros, &VT));
+  for (PetscInt j = 0; j < macros; j++)
+    for (PetscInt i = 0; i < macros; i++) H[i + m * j] = T[i + macros * j] - (i == j ? 1.0 : 0.0);
+  if (!primals) PetscFunctionReturn(0);
+  PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &bm, &bp, &bm, &one, T, &bm, N, &bm, &zero, TN, &bm));
+  for (PetscInt j = 0; j < primals; j++)
+    for (PetscInt i = 0; i < macros; i++) H[i + m * (macros + j)] = H[macros + j + m * i] = -TN[i + macros * j];
+  PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bp, &bp, &bm, &one, N, &bm, TN, &bm, &one, H + macros + m * macros, &bl));
+  PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)macros * primals * m));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Turns phi, [V_m, -V_C] (rows x macros and primals), to [V_m T^-1, -V_C - V_m T^-1 N]. inverse: NULL, or K_rr^-1, which becomes
+   K_rr^-1 - V_m T^-1 V_m^t, the inverse under zero coarse displacements
+*/
+static PetscErrorCode LatinHomogenisePhi_Private(PetscInt rows, PetscInt macros, PetscInt primals, const PetscScalar T[], const PetscScalar TN[], PetscScalar phi[], PetscScalar inverse[])
+{
+  const size_t      entries = (size_t)rows * (size_t)macros; /* of V_m */
+  const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
+  PetscScalar      *VT;
+  PetscBLASInt      br, bm, bp;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(PetscMax(rows, 1), &br));
+  PetscCall(PetscBLASIntCast(macros, &bm));
+  PetscCall(PetscBLASIntCast(primals, &bp));
+  PetscCall(PetscMalloc1(entries, &VT));
+  if (primals) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + entries, &br));
+  PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, VT, &br));
+  if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, VT, &br, phi, &br, &one, inverse, &br));
+  PetscCall(PetscArraycpy(phi, VT, entries));
+  PetscCall(PetscFree(VT));
+  PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)macros * br * (primals + macros + (inverse ? br : 0))));
+  PetscFunctionReturn(0);
+}
+
+/* Computes H, which holds K_CC on entry, and Phi of the first subdomain of a batch. *singular: T is not positive definite */
+static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscBool *singular)
+{
+  const PetscBool kept = linear->keeps[which];
+  const PetscInt  s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const PetscInt  macros = linear->coarse->macro_count[s], primals = m - macros, rows = linear->Phi[s].rows, top = linear->sub->bs * linear->sub->node_offset[s];
+  PetscScalar    *H = linear->stiffness.H + linear->stiffness.h_offset[s], *primal_phi = linear->Phi[s].a + (size_t)rows * (size_t)macros, *T, *N, *TN;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3((size_t)macros * macros, &T, (size_t)macros * primals, &N, (size_t)macros * primals, &TN));
   if (kept) PetscCall(LatinHomogeniseKept_Private(linear, which, work, N, H));
   LatinHomogeniseMacro(linear, s, work, T, N, H);
-  for (size_t i = rows * (size_t)macros; i < rows * (size_t)work->columns; i++) phi[i] = -phi[i];
-  if (macros) PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
-  *singular = (PetscBool)(info != 0);
-  if (macros && !info) {
-    PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &bm, T, &bm, &info));
-    for (PetscInt j = 0; j < macros; j++)
-      for (PetscInt i = 0; i < j; i++) T[(size_t)i + (size_t)macros * j] = T[(size_t)j + (size_t)macros * i];
-    for (PetscInt j = 0; j < macros; j++)
-      for (PetscInt i = 0; i < macros; i++) H[i + m * j] = T[i + macros * j] - (i == j ? 1.0 : 0.0);
-    if (primals) {
-      PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &bm, &bp, &bm, &one, T, &bm, N, &bm, &zero, TN, &bm));
-      for (PetscInt j = 0; j < primals; j++)
-        for (PetscInt i = 0; i < macros; i++) H[i + m * (macros + j)] = H[macros + j + m * i] = -TN[i + macros * j];
-      PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bp, &bp, &bm, &one, N, &bm, TN, &bm, &one, H + macros + m * macros, &bl));
-      if (!kept) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
-    }
-    if (!kept) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, VT, &br));
-    if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, VT, &br, phi, &br, &one, inverse, &br));
-    if (!kept) PetscCall(PetscArraycpy(phi, VT, rows * (size_t)macros));
-    PetscCall(PetscLogFlops((PetscLogDouble)macros * (macros * (macros + 2.0 * primals) + 2.0 * primals * primals + 2.0 * br * (primals + macros + (inverse ? br : 0)))));
+  PetscCall(LatinSPDInverse_Private(macros, T, singular));
+  if (macros && !*singular) PetscCall(LatinHomogeniseStiffness_Private(macros, m, T, N, TN, H));
+  if (!kept) {
+    for (size_t i = 0; i < (size_t)rows * (size_t)primals; i++) primal_phi[i] = -primal_phi[i];
+    if (macros && !*singular) PetscCall(LatinHomogenisePhi_Private(rows, macros, primals, T, TN, linear->Phi[s].a, linear->inverse[which]));
+    for (PetscInt p = 0; p < primals; p++) primal_phi[(size_t)(linear->inter->primal_dof[linear->inter->primal_offset[s] + p] - top) + (size_t)rows * (size_t)p] = 1.0;
   }
-  PetscCall(PetscFree4(T, N, TN, VT));
-  for (PetscInt p = 0; p < primals && !kept; p++) phi[(size_t)(linear->inter->primal_dof[linear->inter->primal_offset[s] + p] - top) + rows * (size_t)(macros + p)] = 1.0;
+  PetscCall(PetscFree3(T, N, TN));
   /* symmetric to the bit, whatever the rounding above */
   for (PetscInt j = 0; j < m; j++)
     for (PetscInt i = 0; i < j; i++) H[i + m * j] = H[j + m * i] = 0.5 * (H[i + m * j] + H[j + m * i]);
@@ -319,7 +341,7 @@ static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt
   PetscCall(LatinHomogeniseRows_Private(linear, s, &work));
   PetscCall(LatinHomogeniseColumns_Private(linear, s, &work));
   PetscCall(LatinHomogeniseVectors_Private(linear, which, &work, failed));
-  PetscCall(LatinHomogeniseSubdomain_Private(linear, which, &work, linear->inverse[which], singular));
+  PetscCall(LatinHomogeniseSubdomain_Private(linear, which, &work, singular));
   for (PetscInt k = 1; k < linear->batches->batch[which].members; k++) linear->Phi[linear->batches->batch[which].sub[k]] = linear->Phi[s];
   PetscCall(PetscFree2(work.row, work.at));
   PetscCall(PetscFree(work.B));
