@@ -19,6 +19,15 @@
 */
 #define LATIN_STIFFNESS_TINY LatinByPrecision(1e-10, 1e-5)
 
+/* Matrices of the interfaces while they are computed */
+typedef struct {
+  PetscReal    *spring; /* [copies][bs] foundation */
+  PetscInt     *at;     /* [copies][bs] work, -1 before and after: position of a row */
+  const size_t *first;  /* [interfaces] start of the matrix of each in S */
+  PetscReal    *S;
+  PetscBool     bad; /* one is not positive definite */
+} LatinStiffness;
+
 /* Computes the foundation spring[copies * bs] of the subdomains. Collective on sub->object. */
 static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, PetscReal spring[])
 {
@@ -80,11 +89,8 @@ static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spri
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
-/*
-   Computes the Schur complements S + first[f] on each interface of subdomain s from F, the inverse (gamma x gamma) of that on all of them together;
-   at[row]: position of a row in F. *bad: one is not positive definite
-*/
-static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+/* Computes the Schur complement on each interface of subdomain s from F, the inverse (gamma x gamma) of that on the rows at work->at[] */
+static PetscErrorCode LatinStiffnessSchur_Private(const LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], LatinStiffness *work)
 {
   const LatinInterfaces *inter = dir->inter;
   const PetscInt         top   = dir->sub->bs * dir->sub->node_offset[s];
@@ -93,15 +99,15 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt        rows = face->side_last - face->side_first;
-    PetscReal            *A    = S + first[f];
+    PetscReal            *A    = work->S + work->first[f];
 
     for (PetscInt j = 0; j < rows; j++)
       for (PetscInt i = 0; i < rows; i++) {
-        const PetscInt a = at[inter->side_dof[face->side_first + i] - top], b = at[inter->side_dof[face->side_first + j] - top];
+        const PetscInt a = work->at[inter->side_dof[face->side_first + i] - top], b = work->at[inter->side_dof[face->side_first + j] - top];
 
         A[i + rows * j] = 0.5 * (F[a + gamma * b] + F[b + gamma * a]);
       }
-    PetscCall(LatinSPDInverse_Private(rows, A, bad));
+    PetscCall(LatinSPDInverse_Private(rows, A, &work->bad));
   }
   PetscFunctionReturn(0);
 }
@@ -156,48 +162,106 @@ static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const
 /*
    Computes the Schur complements on the interfaces of n subdomains list[] with the same operator. Rows on an interface of any of them are kept, the
    others are eliminated once, and the rest is dense: so equal sides of different subdomains get equal bits. The foundation of the kept rows, which is
-   set to zero in spring[], is added after the elimination. at[]: work, -1 before and after. *bad: a matrix is not positive definite
+   set to zero in work->spring, is added after the elimination
 */
-static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], LatinStiffness *work)
 {
   const LatinSubdomains *sub = dir->sub;
   const PetscInt         top = sub->bs * sub->node_offset[list[0]], rows = sub->bs * sub->node_offset[list[0] + 1] - top;
   PetscInt               gamma, *kept;
-  PetscReal             *F, *foundation;
+  PetscReal             *F, *foundation, *spring = work->spring + top;
   LatinSparse            K;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc2(rows, &kept, rows, &foundation));
-  gamma = LatinStiffnessRows(dir, n, list, at, kept);
+  gamma = LatinStiffnessRows(dir, n, list, work->at, kept);
   for (PetscInt k = 0; k < gamma; k++) {
-    foundation[k]         = spring[top + kept[k]];
-    spring[top + kept[k]] = 0.0;
+    foundation[k]   = spring[kept[k]];
+    spring[kept[k]] = 0.0;
   }
   PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
-  if (sub->ki && gamma == rows) LatinOperatorDense(sub, list[0], gamma, at, F); /* no interior */
+  if (sub->ki && gamma == rows) LatinOperatorDense(sub, list[0], gamma, work->at, F); /* no interior */
   else {
-    PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
-    PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
+    PetscCall(LatinSparseCreate_Private(sub, list[0], work->spring, sub->fixed, 0, NULL, &K));
+    PetscCall(LatinEliminate_Private(&K, gamma, kept, F, &work->bad));
     PetscCall(LatinSparseReset_Private(&K));
-    if (dir->schur && !*bad) PetscCall(LatinSchurStore_Private(dir, list[0], gamma, kept, F));
+    if (dir->schur && !work->bad) PetscCall(LatinSchurStore_Private(dir, list[0], gamma, kept, F));
   }
   for (PetscInt k = 0; k < gamma; k++) F[(size_t)k * ((size_t)gamma + 1)] += foundation[k];
-  PetscCall(LatinSPDInverse_Private(gamma, F, bad));
-  for (PetscInt p = 0; p < n && !*bad; p++) PetscCall(LatinStiffnessSchur_Private(dir, list[p], gamma, F, at, first, S, bad));
-  for (PetscInt k = 0; k < gamma; k++) at[kept[k]] = -1;
+  PetscCall(LatinSPDInverse_Private(gamma, F, &work->bad));
+  for (PetscInt p = 0; p < n && !work->bad; p++) PetscCall(LatinStiffnessSchur_Private(dir, list[p], gamma, F, work));
+  for (PetscInt k = 0; k < gamma; k++) work->at[kept[k]] = -1;
   PetscCall(PetscFree(F));
   PetscCall(PetscFree2(kept, foundation));
   PetscFunctionReturn(0);
 }
 
-/* The same for n subdomains list[], sorted by their operators same[] */
-static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt same[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+/* The same for n subdomains list[], sorted by their operators */
+static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt operator[], LatinStiffness *work)
 {
   PetscFunctionBegin;
-  for (PetscInt p = 0, q; p < n && !*bad; p = q) {
-    for (q = p + 1; q < n && same[q] == same[p];) q++;
-    PetscCall(LatinStiffnessCondense_Private(dir, q - p, list + p, spring, at, first, S, bad));
+  for (PetscInt p = 0, q; p < n && !work->bad; p = q) {
+    for (q = p + 1; q < n && operator[q] == operator[p];) q++;
+    PetscCall(LatinStiffnessCondense_Private(dir, q - p, list + p, work));
   }
+  PetscFunctionReturn(0);
+}
+
+/* Computes the diagonal blocks of B^t k B at the interfaces of subdomain s, foundation included */
+static PetscErrorCode LatinStiffnessBlocks_Private(const LatinDirections *dir, PetscInt s, LatinStiffness *work)
+{
+  const LatinInterfaces *inter = dir->inter;
+  LatinSparse            K;
+
+  PetscFunctionBegin;
+  if (inter->condensed) {
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) LatinStiffnessDense(dir, work->spring, &inter->interface[f], work->at, work->S + work->first[f]);
+    PetscFunctionReturn(0);
+  }
+  PetscCall(LatinSparseCreate_Private(dir->sub, s, work->spring, dir->sub->fixed, 0, NULL, &K));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) LatinStiffnessBlock(dir, &K, &inter->interface[f], work->at, work->S + work->first[f]);
+  PetscCall(LatinSparseReset_Private(&K));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Lists the subdomains to compute, one of each pattern of equal ones (dir->like) that has matrices; operator[]: their operators. Sets first[] of all
+   interfaces, and returns the number of entries of the matrices. Collective on sub->object
+*/
+static PetscErrorCode LatinStiffnessList_Private(LatinDirections *dir, const PetscBool matrices[], PetscInt *n, PetscInt list[], PetscInt operator[], size_t first[], size_t *entries)
+{
+  const LatinSubdomains *sub   = dir->sub;
+  const LatinInterfaces *inter = dir->inter;
+  PetscInt              *same, *pattern;
+  PetscBool             *wanted;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFree(dir->like));
+  PetscCall(PetscMalloc1(sub->n, &dir->like));
+  PetscCall(PetscMalloc1(sub->n, &same));
+  PetscCall(LatinRepeatsLike_Private(inter, same, dir->like));
+  pattern = dir->like;
+  PetscCall(PetscCalloc1(sub->n, &wanted));
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (matrices[f]) wanted[pattern[inter->interface[f].sub]] = PETSC_TRUE;
+  *n       = 0;
+  *entries = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscBool listed = (PetscBool)(pattern[s] == s && wanted[s]);
+
+    if (listed) {
+      operator[*n] = sub->preconditions ? s : same[s]; /* the foundation of PC latin depends on the sides */
+      list[(*n)++] = s;
+    }
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+
+      first[f] = pattern[s] == s ? *entries : first[inter->offset[pattern[s]] + f - inter->offset[s]];
+      if (listed) *entries += rows * rows;
+    }
+  }
+  PetscCall(PetscFree(wanted));
+  PetscCall(PetscFree(same));
   PetscFunctionReturn(0);
 }
 
@@ -208,53 +272,30 @@ static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, Pe
 */
 PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S)
 {
-  const LatinSubdomains *sub   = dir->sub;
-  const LatinInterfaces *inter = dir->inter;
-  const PetscInt         bs = dir->sub->bs, n = bs * sub->copies;
-  PetscInt              *pattern, *same, *list, *key, *at, patterns = 0;
-  PetscReal             *spring;
-  PetscBool             *wanted, bad = PETSC_FALSE;
-  size_t                 used = 0;
-  LatinSparse            K;
+  const LatinSubdomains *sub  = dir->sub;
+  const PetscInt         dofs = sub->bs * sub->copies;
+  LatinStiffness         work = {.first = first};
+  PetscInt              *list, *operator, n;
+  size_t                 entries;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc5(sub->n, &same, sub->n, &list, sub->n, &key, n, &at, n, &spring));
-  PetscCall(PetscCalloc1(sub->n, &wanted));
-  PetscCall(PetscFree(dir->like));
-  PetscCall(PetscMalloc1(sub->n, &dir->like));
-  PetscCall(LatinRepeatsLike_Private(dir->inter, same, dir->like));
-  if (sub->matrix && LatinDirectionIsDeluxe(dir) && !blocks) PetscCall(PetscCalloc1(sub->n, &dir->schur));
-  pattern = dir->like;
-  for (PetscInt i = 0; i < n; i++) at[i] = -1;
-  for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);
-  for (PetscInt s = 0; s < sub->n; s++) {
-    if (pattern[s] == s && wanted[s]) {
-      key[patterns]    = sub->preconditions ? s : same[s]; /* the foundation of PC latin depends on the sides */
-      list[patterns++] = s;
-    }
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-      const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
-
-      first[f] = pattern[s] == s ? used : first[inter->offset[pattern[s]] + f - inter->offset[s]];
-      if (pattern[s] == s && wanted[s]) used += rows * rows;
-    }
+  PetscCall(PetscMalloc4(sub->n, &list, sub->n, &operator, dofs, &work.at, dofs, &work.spring));
+  PetscCall(LatinStiffnessList_Private(dir, matrices, &n, list, operator, first, &entries));
+  PetscCall(PetscSortIntWithArray(n, operator, list));
+  PetscCall(PetscMalloc1(entries, S));
+  work.S = *S;
+  for (PetscInt i = 0; i < dofs; i++) work.at[i] = -1;
+  PetscCall(LatinStiffnessFoundation_Private(dir, work.spring));
+  if (blocks) {
+    for (PetscInt p = 0; p < n; p++) PetscCall(LatinStiffnessBlocks_Private(dir, list[p], &work));
+  } else {
+    if (sub->matrix && LatinDirectionIsDeluxe(dir)) PetscCall(PetscCalloc1(sub->n, &dir->schur));
+    LatinEach(PetscObjectComm(sub->object), LatinStiffnessCondenseAll_Private(dir, n, list, operator, & work));
   }
-  PetscCall(PetscMalloc1(used, S));
-  PetscCall(LatinStiffnessFoundation_Private(dir, spring));
-  PetscCall(PetscSortIntWithArray(patterns, key, list));
-  if (!blocks) LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondenseAll_Private(dir, patterns, list, key, spring, at, first, *S, &bad));
-  for (PetscInt p = 0; p < patterns && blocks; p++) {
-    for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1] && inter->condensed; f++) LatinStiffnessDense(dir, spring, &inter->interface[f], at, *S + first[f]);
-    if (inter->condensed) continue;
-    PetscCall(LatinSparseCreate_Private(sub, list[p], spring, sub->fixed, 0, NULL, &K));
-    for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) LatinStiffnessBlock(dir, &K, &inter->interface[f], at, *S + first[f]);
-    PetscCall(LatinSparseReset_Private(&K));
-  }
-  PetscCall(PetscFree5(same, list, key, at, spring));
-  PetscCall(PetscFree(wanted));
+  PetscCall(PetscFree4(list, operator, work.at, work.spring));
   LatinAgree(
-    PetscObjectComm(dir->sub->object), bad, LatinSubdomainsTried(sub) ? PETSC_ERR_MAT_CH_ZRPVT : PETSC_ERR_CONV_FAILED,
+    PetscObjectComm(sub->object), work.bad, LatinSubdomainsTried(sub) ? PETSC_ERR_MAT_CH_ZRPVT : PETSC_ERR_CONV_FAILED,
     "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as where prestress compresses links, or after MatConvert() of a whole matrix to a MATIS, or rounding is large. Take another -%sdirection, e.g. diagonal, or -%svariant primal",
-    LatinPrefix(dir->sub), LatinPrefix(dir->sub));
+    LatinPrefix(sub), LatinPrefix(sub));
   PetscFunctionReturn(0);
 }
