@@ -101,23 +101,35 @@ static PetscErrorCode LatinIncomingCreate_Private(const LatinTree *tree, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Adds the columns of a group that come before column `last` of the front to the panel that begins with column c. block: that of this rank */
-static PetscErrorCode LatinIncomingAdd_Private(const LatinTree *tree, const LatinContribution *block, PetscInt c, PetscInt last, LatinIncoming *incoming, PetscScalar panel[])
+/* Gets the next message of columns of a group: receives it, or finds it in the block of this rank, and releases what has been read */
+static PetscErrorCode LatinIncomingNext_Private(const LatinTree *tree, const LatinContribution *block, LatinIncoming *incoming)
 {
-  const PetscInt n = incoming->n, *at = incoming->at;
+  const PetscInt message = incoming->next / LATIN_FRONT_PANEL;
   PetscMPIInt    length;
 
   PetscFunctionBegin;
-  PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * n, &length));
+  if (incoming->buffer) {
+    PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * incoming->n, &length));
+    PetscCallMPI(MPI_Recv(incoming->buffer, length, MPIU_SCALAR, incoming->rank, 0, tree->comm, MPI_STATUS_IGNORE));
+    incoming->column = incoming->buffer;
+  } else {
+    if (message) LatinContributionEmpty(block, message - 1);
+    incoming->column = block->a + LatinPanelSize(1, incoming->n, incoming->next);
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds the columns of a group that come before column `last` of the front to the panel that begins with column c: extend-add. block: that of this rank */
+static PetscErrorCode LatinIncomingAdd_Private(const LatinTree *tree, const LatinContribution *block, PetscInt c, PetscInt last, LatinIncoming *incoming, PetscScalar panel[])
+{
+  const PetscInt n = incoming->n, *at = incoming->at;
+
+  PetscFunctionBegin;
   for (; incoming->next < n && at[incoming->next] < last; incoming->next++) {
     const PetscInt j  = incoming->next;
     PetscScalar   *to = panel + (size_t)(tree->joint->rows - c) * (size_t)(at[j] - c) - c;
 
-    if (j % LATIN_FRONT_PANEL == 0) {
-      if (!incoming->buffer && j) LatinContributionEmpty(block, j / LATIN_FRONT_PANEL - 1);
-      if (incoming->buffer) PetscCallMPI(MPI_Recv(incoming->buffer, length, MPIU_SCALAR, incoming->rank, 0, tree->comm, MPI_STATUS_IGNORE));
-      incoming->column = incoming->buffer ? incoming->buffer : block->a + LatinPanelSize(1, n, j);
-    }
+    if (j % LATIN_FRONT_PANEL == 0) PetscCall(LatinIncomingNext_Private(tree, block, incoming));
     for (PetscInt i = j; i < n; i++) to[at[i]] += incoming->column[i - j];
     incoming->column += n - j;
   }
@@ -194,17 +206,30 @@ static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounde
   PetscFunctionReturn(0);
 }
 
+/* Creates the factor of the part, with the shared rows last, and analyses it */
+static PetscErrorCode LatinTreeAnalyse_Private(LatinTree *tree, Mat A, const MatFactorInfo *info)
+{
+  IS kept;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetFactor(A, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &tree->part));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, tree->rest, tree->row, PETSC_COPY_VALUES, &kept));
+  if (tree->rest) PetscCall(MatFactorSetSchurIS(tree->part, kept));
+  PetscCall(LatinCholeskySetLower(tree->part));
+  PetscCall(ISDestroy(&kept));
+  PetscCall(MatCholeskyFactorSymbolic(tree->part, A, NULL, info));
+  PetscFunctionReturn(0);
+}
+
 /*
-   Computes the contribution block of a part with rows of its own, which its factor eliminates. Takes K over. at[rest]: in, shared rows in the part;
-   out, in the block. *bad: the part is not positive definite
+   Computes the contribution block of a part with rows of its own, which its factor eliminates; its rows ascend as in the part. Takes K over. *bad: the
+   part is not positive definite
 */
-static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscInt at[], PetscBool *bad)
+static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscBool *bad)
 {
   MatFactorInfo info;
-  PetscInt     *place;
   PetscBool     sparse;
   Mat           A;
-  IS            kept;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &sparse));
@@ -214,25 +239,12 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContr
     PetscCall(MatDestroy(&K));
   }
   PetscCall(MatFactorInfoInitialize(&info));
-  if (!tree->part) {
-    PetscCall(MatGetFactor(A, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &tree->part));
-    PetscCall(ISCreateGeneral(PETSC_COMM_SELF, tree->rest, tree->row, PETSC_COPY_VALUES, &kept));
-    if (tree->rest) PetscCall(MatFactorSetSchurIS(tree->part, kept));
-    PetscCall(LatinCholeskySetLower(tree->part));
-    PetscCall(ISDestroy(&kept));
-    PetscCall(MatCholeskyFactorSymbolic(tree->part, A, NULL, &info));
-  }
+  if (!tree->part) PetscCall(LatinTreeAnalyse_Private(tree, A, &info));
   PetscCall(MatCholeskyFactorNumeric(tree->part, A, &info));
   *bad = (PetscBool)(tree->part->factorerrortype != MAT_FACTOR_NOERROR);
   PetscCall(MatDestroy(&A));
   PetscCall(LatinCholeskyTakeLower(tree->part, &block->own));
   block->a = block->own;
-  PetscCall(PetscCalloc1(tree->n, &place)); /* place in the Schur complement, whose rows ascend as in the part */
-  for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;
-  for (PetscInt r = 0, k = 0; r < tree->n; r++)
-    if (place[r]) place[r] = k++;
-  for (PetscInt i = 0; i < tree->rest; i++) at[i] = place[at[i]];
-  PetscCall(PetscFree(place));
   PetscFunctionReturn(0);
 }
 
@@ -266,49 +278,66 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContri
   PetscFunctionReturn(0);
 }
 
+/* Moves the entries along that cycle of the permutation which entry (r, c) of a lower triangle is in, and marks them in moved[] */
+static void LatinContributionCycle(PetscInt n, const PetscInt at[], PetscInt r, PetscInt c, PetscScalar a[], char moved[])
+{
+  const size_t      start = LatinLowerAt(n, c) + (size_t)r;
+  const PetscScalar first = a[start];
+
+  for (size_t to = start, from; !moved[to]; to = from) {
+    const PetscInt high = PetscMax(at[r], at[c]), low = PetscMin(at[r], at[c]);
+
+    from      = LatinLowerAt(n, low) + (size_t)high;
+    a[to]     = from == start ? first : a[from];
+    moved[to] = 1;
+    r         = high;
+    c         = low;
+  }
+}
+
 /* Permutes a lower triangle: row and column at[r] become row and column r. In place, as it may be as large as the factor */
-static PetscErrorCode LatinContributionOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
+static PetscErrorCode LatinContributionPermute_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
 {
   PetscBool sorted = PETSC_TRUE;
-  char     *there; /* for each entry, whether it is in place */
+  char     *moved; /* for each entry, whether it is in place */
 
   PetscFunctionBegin;
   for (PetscInt r = 0; r < n && sorted; r++) sorted = (PetscBool)(at[r] == r);
   if (sorted) PetscFunctionReturn(0);
-  PetscCall(PetscCalloc1(LatinPanelSize(1, n, n), &there));
+  PetscCall(PetscCalloc1(LatinPanelSize(1, n, n), &moved));
   for (PetscInt c = 0; c < n; c++)
-    for (PetscInt r = c; r < n; r++) {
-      const size_t      start = LatinLowerAt(n, c) + (size_t)r;
-      const PetscScalar first = a[start];
-      size_t            to    = start;
-
-      for (PetscInt i = r, j = c; !there[to];) { /* a cycle of the permutation */
-        const PetscInt high = PetscMax(at[i], at[j]), low = PetscMin(at[i], at[j]);
-        const size_t   from = LatinLowerAt(n, low) + (size_t)high;
-
-        there[to] = 1;
-        a[to]     = from == start ? first : a[from];
-        to        = from;
-        i         = high;
-        j         = low;
-      }
-    }
-  PetscCall(PetscFree(there));
+    for (PetscInt r = c; r < n; r++) LatinContributionCycle(n, at, r, c, a, moved);
+  PetscCall(PetscFree(moved));
   PetscFunctionReturn(0);
 }
 
-/* Computes the contribution block of this rank's part. Takes K over */
+/* Returns the positions at[] of the shared rows among all of them, ascending */
+static PetscErrorCode LatinTreePositions_Private(const LatinTree *tree, PetscInt at[])
+{
+  PetscInt *place; /* [n] 1 + position of a row of the part; 0: not shared */
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(tree->n, &place));
+  for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;
+  for (PetscInt r = 0, k = 0; r < tree->n; r++)
+    if (place[r]) place[r] = ++k;
+  for (PetscInt i = 0; i < tree->rest; i++) at[i] = place[tree->row[i]] - 1;
+  PetscCall(PetscFree(place));
+  PetscFunctionReturn(0);
+}
+
+/* Computes the contribution block of this rank's part, in the order of the joints. Takes K over */
 static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscBool *bad)
 {
   PetscInt *at;
 
   PetscFunctionBegin;
   *block = (LatinContribution){.n = tree->rest};
-  PetscCall(PetscMalloc1(tree->rest, &at));
-  PetscCall(PetscArraycpy(at, tree->row, tree->rest));
-  if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, block, at, bad));
+  if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, block, bad));
   else PetscCall(LatinTreeDense_Private(tree, K, block));
-  PetscCall(LatinContributionOrder_Private(tree->rest, at, block->a));
+  PetscCall(PetscMalloc1(tree->rest, &at));
+  PetscCall(LatinTreePositions_Private(tree, at));
+  PetscCall(LatinContributionPermute_Private(tree->rest, at, block->a));
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
@@ -338,8 +367,8 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, 
     PetscCall(PetscArrayzero(panel, (size_t)(rows - c) * (size_t)wide));
     for (PetscInt k = 0; k < 2; k++) PetscCall(LatinIncomingAdd_Private(tree, block, c, c + wide, &incoming[k], panel));
     if (!*bad) PetscCall(LatinJointUpdate_Private(joint, L, c, wide, panel));
-    if (inside && !*bad) PetscCall(LatinJointEliminate_Private(joint, c, wide, panel, bad));
     if (!inside) PetscCall(LatinJointSend_Private(tree, c, wide, panel));
+    else if (!*bad) PetscCall(LatinJointEliminate_Private(joint, c, wide, panel, bad));
     PetscCall(LatinContributionSent_Private(block));
   }
   for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(incoming[k].buffer));
