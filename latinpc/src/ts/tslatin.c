@@ -194,34 +194,75 @@ static PetscErrorCode TSRollBack_Latin(TS ts)
   PetscFunctionReturn(0);
 }
 
-/* Takes a step; repeats it while the adaptor shortens it. Collective on ts */
-static PetscErrorCode TSStep_Latin(TS ts)
+/* Checks the start of a motion, and takes over changes of the geometry since the last step. Collective on ts */
+static PetscErrorCode TSLatinPrepare_Private(TS ts, SNES snes)
 {
-  TS_Latin *data = (TS_Latin *)ts->data;
-  PetscReal part = 1.0, next = ts->time_step, h = ts->time_step; /* part: fraction of the step that the SNES solves for */
-  PetscBool accept     = PETSC_FALSE, latin, midpoint;
-  PetscInt  rejections = 0, linear;
-  SNES      snes;
+  TS_Latin       *data     = (TS_Latin *)ts->data;
+  const PetscBool midpoint = data->step->midpoint;
 
   PetscFunctionBegin;
   if (!ts->steps && data->started) LatinAgree(PetscObjectComm((PetscObject)ts), data->moved, PETSC_ERR_ORDER, "Supports have moved in the last motion of this TS: before another one call TSReset(), with the supports where it starts");
-  PetscCall(TSGetSNES(ts, &snes));
-  midpoint = data->step->midpoint;
   PetscCall(TSLatinGeometry_Private(data->step, snes));
   if (data->step->midpoint != midpoint) PetscCall(LatinStructureAttachSNES(data->step, snes)); /* another objective for line searches */
+  PetscFunctionReturn(0);
+}
+
+/* Returns the length of the step that the SNES has solved, or of its half (midpoint rule), as it is in the operators: not changed by rounding */
+static PetscReal TSLatinLength(const TS_Latin *data)
+{
+  return 1.0 / PetscSqrtReal(data->step->shift);
+}
+
+/* Solves a step of the present length, or its half (midpoint rule): data->w. Collective on ts */
+static PetscErrorCode TSLatinSolve_Private(TS ts, SNES snes)
+{
+  TS_Latin       *data = (TS_Latin *)ts->data;
+  const PetscBool half = (PetscBool)(data->step->base->geometry == LATIN_GEOMETRY_LARGE);
+  PetscBool       latin;
+  PetscInt        linear;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStepStart_Private(data->step, (half ? 0.5 : 1.0) * ts->time_step, ts->vec_sol, ts->vec_dot));
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  PetscCall(VecAXPBY(data->w, latin && !half ? 0.0 : TSLatinLength(data), 0.0, ts->vec_dot)); /* initial guess: constant velocity; SNES latin has its last states */
+  if (latin && half) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;                     /* links have turned since the last state */
+  PetscCall(SNESSolve(snes, NULL, data->w));
+  PetscCall(SNESGetIterationNumber(snes, &data->iterations));
+  PetscCall(SNESGetLinearSolveIterations(snes, &linear));
+  ts->snes_its += data->iterations;
+  ts->ksp_its += linear;
+  PetscFunctionReturn(0);
+}
+
+/* Sets displacements and velocities at the end of the step (3 in the comment of the file). Collective on ts */
+static PetscErrorCode TSLatinEnd_Private(TS ts)
+{
+  TS_Latin       *data = (TS_Latin *)ts->data;
+  const PetscReal part = data->step->midpoint ? 0.5 : 1.0, h = TSLatinLength(data);
+
+  PetscFunctionBegin;
+  data->started = PETSC_TRUE;
+  PetscCall(LatinStepMade_Private(data->step, &data->moved));
+  PetscCall(VecAXPY(ts->vec_sol, 1.0 / part, data->w));
+  PetscCall(VecAXPBY(ts->vec_dot, 1.0 / (part * h), 1.0 - 1.0 / part, data->w));
+  PetscFunctionReturn(0);
+}
+
+/* Takes a step; repeats it while the adaptor shortens it. Collective on ts */
+static PetscErrorCode TSStep_Latin(TS ts)
+{
+  TS_Latin *data       = (TS_Latin *)ts->data;
+  PetscReal next       = ts->time_step;
+  PetscBool accept     = PETSC_FALSE;
+  PetscInt  rejections = 0;
+  SNES      snes;
+
+  PetscFunctionBegin;
+  PetscCall(TSGetSNES(ts, &snes));
+  PetscCall(TSLatinPrepare_Private(ts, snes));
   while (!ts->reason && !accept) {
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
-    if (data->step->base->geometry == LATIN_GEOMETRY_LARGE) part = 0.5;
-    PetscCall(LatinStepStart_Private(data->step, part * ts->time_step, ts->vec_sol, ts->vec_dot));
-    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* length in the operators, not changed by rounding */
-    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* initial guess: constant velocity; SNES latin has its last states */
-    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* links have turned since the last state */
-    PetscCall(SNESSolve(snes, NULL, data->w));
-    PetscCall(SNESGetIterationNumber(snes, &data->iterations));
-    PetscCall(SNESGetLinearSolveIterations(snes, &linear));
-    ts->snes_its += data->iterations;
-    ts->ksp_its += linear;
+    PetscCall(TSLatinSolve_Private(ts, snes));
     PetscCall(TSPostStage(ts, ts->ptime + ts->time_step, 0, &data->w));
     PetscCall(TSAdaptCheckStage(ts->adapt, ts, ts->ptime + ts->time_step, ts->vec_sol, &accept)); /* shortens the step after a failed solve */
     if (accept) PetscCall(TSAdaptChoose(ts->adapt, ts, ts->time_step, NULL, &next, &accept));
@@ -232,10 +273,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
   if (ts->reason == TS_DIVERGED_NONLINEAR_SOLVE && ts->errorifstepfailed) PetscCall(TSLatinFailed_Private(ts, snes));
   if (ts->reason) PetscFunctionReturn(0);
   PetscCall(TSLatinKeep_Private(ts));
-  data->started = PETSC_TRUE;
-  PetscCall(LatinStepMade_Private(data->step, &data->moved));
-  PetscCall(VecAXPY(ts->vec_sol, 1.0 / part, data->w));
-  PetscCall(VecAXPBY(ts->vec_dot, 1.0 / (part * h), 1.0 - 1.0 / part, data->w));
+  PetscCall(TSLatinEnd_Private(ts));
   ts->ptime += ts->time_step;
   ts->time_step = next;
   PetscFunctionReturn(0);
