@@ -33,142 +33,174 @@ static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionReturn(0);
 }
 
-/* Returns the distance by which rigid link l misses its gap, beyond rounding. x: its strain; moved: sum of the absolute displacements of its ends along it */
-static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal moved)
+/* A link at the displacements of a check */
+typedef struct {
+  PetscInt  number, law;
+  PetscBool rigid;
+  PetscReal k, e, x;           /* stiffness, elongation, strain e + e0 */
+  PetscReal bears, tension;    /* tension, and its absolute value */
+  PetscReal gap, ends;         /* |e0|; sum of the absolute displacements of its ends along it: their sum is the magnitude of the rounded numbers */
+  PetscReal all;               /* sum of the absolute components of its direction */
+  PetscReal moves[4];          /* elongations by unit translations, and by the free displacements */
+  PetscReal certain, possible; /* least and greatest stiffness at an error of the target */
+} LatinNodalLink;
+
+/* Sets the least and greatest stiffness of a link at any relative error of u up to `target` */
+static void LatinNodalStiffness(LatinStructure structure, PetscReal target, LatinNodalLink *link)
+{
+  const PetscReal error = target * (link->gap + link->ends);
+
+  link->certain = link->possible = link->k;
+  if (!link->rigid) {
+    const PetscReal low = LatinStructureTangent(structure, link->number, link->x - error), high = LatinStructureTangent(structure, link->number, link->x + error);
+
+    link->certain = PetscMin(low, high);
+    if (structure->ground) link->possible = PetscMax(low, high); /* free bodies have only masses */
+  } else if (structure->ground && link->law != LATIN_LAW_TANGENT && link->tension == 0.0 && LatinLawSign(link->law) * link->x < -error) link->possible = 0.0;
+}
+
+/* Computes the state of link l. a: local vectors */
+static void LatinNodalGetLink(Latin latin, PetscInt l, PetscScalar *const a[], PetscReal target, LatinNodalLink *link)
 {
   const LatinStructure structure = latin->sub.structure;
-  const PetscReal      tension = latin->linear.rigid_tension[l], noise = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * (PetscAbsReal(structure->e0[l]) + moved);
+  const PetscInt       dim = structure->dim, *to = structure->ends + 2 * l;
+  const PetscReal     *n = structure->direction + dim * l;
+
+  *link         = (LatinNodalLink){.number = l, .law = structure->law[l], .rigid = LatinLaws[structure->law[l]].rigid, .k = latin->sub.link_stiffness[l], .gap = PetscAbsReal(structure->e0[l])};
+  link->e       = LatinStructureElongation(structure, l, a[LATIN_AT_U]);
+  link->x       = link->e + structure->e0[l];
+  link->bears   = LatinStructureTension(structure, latin->linear.rigid_tension, l, link->x);
+  link->tension = PetscAbsReal(link->bears);
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
+
+    link->all += PetscAbsReal(n[c]);
+    link->ends += PetscAbsReal(n[c]) * (PetscAbsScalar(u[dim * to[0]]) + PetscAbsScalar(u[dim * to[1]]));
+    link->moves[c] = n[c] * (open[dim * to[1]] - open[dim * to[0]]);
+    link->moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
+  }
+  LatinNodalStiffness(structure, target, link);
+}
+
+/* Returns the distance by which a rigid link misses its gap, beyond rounding */
+static PetscReal LatinGapMissed(Latin latin, const LatinNodalLink *link)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscReal     *tension = latin->linear.rigid_tension, noise = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * (link->gap + link->ends);
   PetscReal            missed = 0.0;
 
-  if (structure->law[l] == LATIN_LAW_TANGENT) {
-    PetscInt  normal = l;
+  if (link->law == LATIN_LAW_TANGENT) {
+    PetscInt  normal = link->number;
     PetscReal size   = 0.0;
 
     while (structure->law[normal] == LATIN_LAW_TANGENT) normal--;
-    for (PetscInt c = normal + 1; c < normal + structure->dim; c++) size += PetscSqr(latin->linear.rigid_tension[c]);
-    if (PetscSqrtReal(size) < -LATIN_STICKS * structure->friction[normal] * latin->linear.rigid_tension[normal]) missed = PetscAbsReal(x); /* it sticks */
-  } else if (tension != 0.0) missed = PetscAbsReal(x);
-  else missed = PetscMax(0.0, LatinLawSign(structure->law[l]) * x);
+    for (PetscInt c = normal + 1; c < normal + structure->dim; c++) size += PetscSqr(tension[c]);
+    if (PetscSqrtReal(size) < -LATIN_STICKS * structure->friction[normal] * tension[normal]) missed = PetscAbsReal(link->x); /* it sticks */
+  } else if (tension[link->number] != 0.0) missed = PetscAbsReal(link->x);
+  else missed = PetscMax(0.0, LatinLawSign(link->law) * link->x);
   return PetscMax(0.0, missed - noise);
 }
 
-/* Returns the resistance of link l to a motion of one of its ends that strains it at this rate: 1 / displacement at which it balances the force `push` */
-static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal rate, PetscReal push)
+/* Returns the resistance of a link to a motion of one of its ends that strains it at this rate: 1 / displacement at which it balances the force `push` */
+static PetscReal LatinResistance(Latin latin, const LatinNodalLink *link, PetscReal rate, PetscReal push)
 {
-  const LatinStructure structure = latin->sub.structure;
-  const PetscInt       law       = structure->law[l];
-  const PetscReal      k = latin->sub.link_stiffness[l], sign = LatinLawSign(law);
-  PetscReal            closing;
+  const PetscReal sign = LatinLawSign(link->law);
+  PetscReal       closing;
 
-  if (law == LATIN_LAW_TANGENT) return latin->linear.rigid_tension[l] != 0.0 ? k * rate * rate / push : 0.0;
-  if (law > LATIN_LAW_TANGENT) return LatinStructureTangent(structure, l, x) * rate * rate / push;
-  if (law == LATIN_LAW_BAR) return k * rate * rate / push;
+  if (link->law == LATIN_LAW_TANGENT) return latin->linear.rigid_tension[link->number] != 0.0 ? link->k * rate * rate / push : 0.0;
+  if (link->law > LATIN_LAW_TANGENT) return LatinStructureTangent(latin->sub.structure, link->number, link->x) * rate * rate / push;
+  if (link->law == LATIN_LAW_BAR) return link->k * rate * rate / push;
   closing = PetscMax(0.0, sign * rate);
-  return sign * x < 0.0 ? closing / PetscAbsReal(x) : k * closing * closing / push;
+  return sign * link->x < 0.0 ? closing / PetscAbsReal(link->x) : link->k * closing * closing / push;
 }
+
+/* Displacement of one end of a link */
+typedef struct {
+  PetscReal own;   /* elongation by it */
+  PetscReal each;  /* sum of the absolute elongations by its components; a link orthogonal to it does not hold */
+  PetscReal whole; /* sum of its absolute components */
+} LatinNodalMotion;
 
 /*
    Adds a link along the displacement of one of its ends. If rounding hides whether the link bears, its tension does not count, and the direction that
-   would strain it is closed; a rigid link that bears or touches closes both directions.
-
-     own:   elongation by this displacement
-     each:  sum of the absolute elongations by its components; a link orthogonal to it does not hold
-     whole: sum of its absolute components
-     reach: magnitude of the rounded numbers
+   would strain it is closed; a rigid link that bears or touches closes both directions
 */
-static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, PetscReal whole, LatinNode *at)
+static void LatinNodalAlong(LatinStructure structure, const LatinNodalLink *link, const LatinNodalMotion *motion, LatinNode *at)
 {
-  const LatinStructure structure = latin->sub.structure;
-  const PetscReal      sign      = LatinLawSign(structure->law[l]);
-  const PetscReal      noise     = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * reach;
-  const PetscBool      rigid = LatinLaws[structure->law[l]].rigid, touches = (PetscBool)(PetscAbsReal(x) <= noise);
+  const PetscReal sign    = LatinLawSign(link->law);
+  const PetscReal noise   = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * (link->gap + link->ends);
+  const PetscBool touches = (PetscBool)(PetscAbsReal(link->x) <= noise);
 
-  if (!LatinLaws[structure->law[l]].smooth && (touches || (rigid && tension != 0.0))) {
-    at->slack -= tension * own;
-    if (sign * own > 0.0 || (rigid && own != 0.0)) at->closed[0] += 1.0;
-    if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
-  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * whole) {
-    at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
+  if (!LatinLaws[link->law].smooth && (touches || (link->rigid && link->bears != 0.0))) {
+    at->slack -= link->bears * motion->own;
+    if (sign * motion->own > 0.0 || (link->rigid && motion->own != 0.0)) at->closed[0] += 1.0;
+    if (sign * motion->own < 0.0 || (link->rigid && motion->own != 0.0)) at->closed[1] += 1.0;
+  } else if (!link->rigid && LatinStructureTangent(structure, link->number, link->x) > 0.0 && PetscAbsReal(motion->own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * motion->whole) {
+    at->held += 2.0 * LatinStructureTangent(structure, link->number, link->x) * PetscSqr(motion->own);
     /* rounding of the elongation, and of each component of the force */
-    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each;
-    at->turns += PetscMax(0.0, PetscAbsReal(tension) - noise * latin->sub.link_stiffness[l]) * each;
+    at->hides += noise * link->k * PetscAbsReal(motion->own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * link->tension * motion->each;
+    at->turns += PetscMax(0.0, link->tension - noise * link->k) * motion->each;
   }
 }
 
-/* Adds a link to the sums over links. moved: its elongation by the free displacements; ends: sum of the absolute displacements of its ends along it */
-static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, PetscReal e, PetscReal tension, PetscReal moved, PetscReal ends)
+/* Adds a link to the sums over links */
+static void LatinNodalSum(LatinNodalBalance *balance, const LatinNodalLink *link)
 {
-  const LatinStructure structure = balance->latin->sub.structure;
-  const PetscReal      k         = balance->latin->sub.link_stiffness[l];
-  PetscReal            missed;
+  PetscReal missed;
 
-  balance->sum.energy += k * e * e;
-  balance->sum.work += tension * PetscAbsReal(moved);
-  if (!LatinLaws[structure->law[l]].rigid) return;
-  missed       = LatinGapMissed(balance->latin, l, x, ends);
+  balance->sum.energy += link->k * link->e * link->e;
+  balance->sum.work += link->tension * PetscAbsReal(link->moves[3]);
+  if (!link->rigid) return;
+  missed       = LatinGapMissed(balance->latin, link);
   balance->gap = PetscMax(balance->gap, missed);
-  if (tension == 0.0 && missed == 0.0) return;
-  balance->sum.bearing_moves += PetscSqr(tension / k);
-  balance->sum.bearing_gaps += PetscSqr(structure->e0[l]);
+  if (link->tension == 0.0 && missed == 0.0) return;
+  balance->sum.bearing_moves += PetscSqr(link->tension / link->k);
+  balance->sum.bearing_gaps += PetscSqr(link->gap);
+}
+
+/* Adds a link to its first (end 0) or second node */
+static void LatinNodalAddEnd(Latin latin, const LatinNodalLink *link, PetscInt end, PetscScalar *const a[], LatinNode *at)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       dim = structure->dim, vertex = structure->ends[2 * link->number + end];
+  const PetscReal     *n     = structure->direction + dim * link->number;
+  PetscReal            along = 0.0, push = 0.0; /* the unbalance: along the link, and its norm */
+  LatinNodalMotion     motion = {0.0, 0.0, 0.0};
+
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscReal cosine = PetscAbsReal(n[c]), out = end ? n[c] : -n[c];
+    const PetscReal r = PetscRealPart(a[LATIN_AT_R][dim * vertex + c]), u = PetscRealPart(a[LATIN_AT_FREE][dim * vertex + c] * a[LATIN_AT_U][dim * vertex + c]);
+
+    motion.own += out * u;
+    motion.whole += PetscAbsReal(u);
+    motion.each += cosine * PetscAbsReal(u);
+    at->stiffness[c] += 2.0 * link->possible * cosine * link->all;
+    /* a gap exerts no force, and is infinite if a contact is not active in a step */
+    at->rounding[c] += cosine * (link->k * (link->ends + (link->rigid ? 0.0 : link->gap)) + (link->rigid || link->law > LATIN_LAW_TANGENT ? link->tension : 0.0));
+    for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += link->k * cosine * PetscAbsReal(link->moves[d]);
+    at->tangent[c] += link->certain * cosine * PetscAbsReal(link->moves[3]);
+    if (link->rigid) at->rigid[c] += out * link->bears;
+    along -= out * r;
+    push += PetscSqr(r);
+  }
+  push = PetscSqrtReal(push);
+  at->tension += link->tension;
+  at->bearing += link->rigid ? 0.0 : link->tension;
+  at->gaps += link->k * (link->ends + (link->rigid && structure->ground ? 0.0 : link->gap)) + link->tension;
+  LatinNodalAlong(structure, link, &motion, at);
+  if (push > 0.0) at->resistance += LatinResistance(latin, link, along / push, push);
 }
 
 /* Adds a link to those of its ends that are vertices first to last - 1, and to the sums over links if its first end is one of them. a: local vectors */
 static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, PetscInt first, PetscInt last, LatinNode vertex[])
 {
-  const Latin          latin     = balance->latin;
-  const LatinStructure structure = latin->sub.structure;
-  const PetscInt       dim = structure->dim, *to = structure->ends + 2 * l;
-  const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
-  const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
-  const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], bears = LatinStructureTension(structure, latin->linear.rigid_tension, l, x), tension = PetscAbsReal(bears);
-  /* moves: elongations by unit translations and by the free displacements; certain, possible: least and greatest stiffness at an error of the target */
-  PetscReal all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k;
+  const PetscInt *to = balance->latin->sub.structure->ends + 2 * l;
+  LatinNodalLink  link;
 
-  for (PetscInt c = 0; c < dim; c++) {
-    const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
-
-    all += PetscAbsReal(n[c]);
-    ends += PetscAbsReal(n[c]) * (PetscAbsScalar(u[dim * to[0]]) + PetscAbsScalar(u[dim * to[1]]));
-    moves[c] = n[c] * (open[dim * to[1]] - open[dim * to[0]]);
-    moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
-  }
-  if (!rigid) {
-    const PetscReal low = LatinStructureTangent(structure, l, x - target * (e0 + ends)), high = LatinStructureTangent(structure, l, x + target * (e0 + ends));
-
-    certain = PetscMin(low, high);
-    if (structure->ground) possible = PetscMax(low, high); /* free bodies have only masses */
-  } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
-  if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
-  for (PetscInt i = 0; i < 2; i++) {
-    const PetscScalar *r = a[LATIN_AT_R] + dim * to[i];
-    /* own: elongation by the displacement of this end; each: sum of absolute values over its components */
-    PetscReal  along = 0.0, push = 0.0, own = 0.0, each = 0.0, whole = 0.0;
-    LatinNode *at;
-
-    if (to[i] < first || to[i] >= last) continue;
-    at = &vertex[to[i] - first];
-    for (PetscInt c = 0; c < dim; c++) {
-      const PetscReal cosine = PetscAbsReal(n[c]);
-
-      own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
-      whole += PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
-      each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
-      at->stiffness[c] += 2.0 * possible * cosine * all;
-      /* a gap exerts no force, and is infinite if a contact is not active in a step */
-      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid || structure->law[l] > LATIN_LAW_TANGENT ? tension : 0.0));
-      for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
-      at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
-      if (rigid) at->rigid[c] += (i ? n[c] : -n[c]) * bears;
-      along -= (i ? n[c] : -n[c]) * PetscRealPart(r[c]);
-      push += PetscSqr(PetscRealPart(r[c]));
-    }
-    push = PetscSqrtReal(push);
-    at->tension += tension;
-    at->bearing += rigid ? 0.0 : tension;
-    at->gaps += k * (ends + (rigid && structure->ground ? 0.0 : e0)) + tension;
-    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, each, whole, at);
-    if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
-  }
+  LatinNodalGetLink(balance->latin, l, a, target, &link);
+  if (to[0] >= first && to[0] < last) LatinNodalSum(balance, &link);
+  for (PetscInt i = 0; i < 2; i++)
+    if (to[i] >= first && to[i] < last) LatinNodalAddEnd(balance->latin, &link, i, a, &vertex[to[i] - first]);
 }
 
 /* Sets displacements, unbalance, load and springs of a vertex */
