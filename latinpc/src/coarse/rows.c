@@ -17,24 +17,38 @@ typedef struct {
   PetscScalar *a;
 } LatinRows;
 
-/* Lists the messages to send: *count owners to[], ascending; of each the number of rows and entries size[][2] and the first row first[]. number[n] ascends */
-static PetscErrorCode LatinRowsTo_Private(PetscLayout map, PetscInt n, const PetscInt number[], const PetscInt ki[], PetscMPIInt *count, PetscMPIInt to[], PetscInt size[], PetscInt first[])
+/* Rows to send: consecutive rows of the part of this rank for each owner, owners ascending */
+typedef struct {
+  PetscMPIInt count, *to; /* number of owners; these */
+  PetscInt   *size;       /* [count][2] number of rows and of entries */
+  PetscInt   *first;      /* [count] first row */
+  PetscInt   *info;       /* [rows of the part][2] global number and length of each row */
+} LatinRowsOut;
+
+/* Creates the lists of rows to send. number[part->rows] ascends */
+static PetscErrorCode LatinRowsOut_Private(PetscLayout map, const PetscInt number[], const LatinCoarsePart *part, LatinRowsOut *out)
 {
-  const PetscInt *range;
+  const PetscInt *range, *ki = part->i;
   PetscMPIInt     ranks;
 
   PetscFunctionBegin;
-  *count = 0; /* set first: the compiler would take an error below for a return without it */
+  *out = (LatinRowsOut){.count = 0}; /* set first: the compiler would take an error below for a return without it */
   PetscCallMPI(MPI_Comm_size(map->comm, &ranks));
   PetscCall(PetscLayoutGetRanges(map, &range));
-  for (PetscInt r = 0, q = 0, last; r < n; r = last) {
+  PetscCall(PetscMalloc4(ranks, &out->to, 2 * ranks, &out->size, ranks, &out->first, 2 * part->rows, &out->info));
+  for (PetscInt r = 0; r < part->rows; r++) {
+    out->info[2 * r]     = number[r];
+    out->info[2 * r + 1] = ki[r + 1] - ki[r];
+  }
+  for (PetscInt r = 0, q = 0, last; r < part->rows; r = last) {
+    const PetscMPIInt i = out->count++;
+
     while (q + 1 < ranks && number[r] >= range[q + 1]) q++;
-    for (last = r; last < n && number[last] < range[q + 1]; last++) continue;
-    to[*count]           = (PetscMPIInt)q;
-    first[*count]        = r;
-    size[2 * *count]     = last - r;
-    size[2 * *count + 1] = ki[last] - ki[r];
-    (*count)++;
+    for (last = r; last < part->rows && number[last] < range[q + 1]; last++) continue;
+    out->to[i]           = (PetscMPIInt)q;
+    out->first[i]        = r;
+    out->size[2 * i]     = last - r;
+    out->size[2 * i + 1] = ki[last] - ki[r];
   }
   PetscFunctionReturn(0);
 }
@@ -61,43 +75,58 @@ static PetscInt LatinRowsMerge(PetscInt n, PetscInt j[], PetscScalar a[], PetscI
   return count;
 }
 
-/* Sends rows to their owners and receives those owned here in from[], by ascending ranks. Own rows are not copied. Collective on map->comm */
-static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt info[], const PetscInt ki[], PetscInt kj[], PetscScalar ka[], PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], const PetscInt first[], PetscMPIInt froms,
-                                                LatinRows from[])
+/* Starts to receive the rows from f->rank; *requests: number of messages */
+static PetscErrorCode LatinRowsReceive_Private(PetscLayout map, PetscMPIInt tag, LatinRows *f, MPI_Request request[], PetscMPIInt *requests)
 {
-  PetscMPIInt  rank, tag, requests = 0, length;
+  const PetscInt entries = f->next;
+  PetscMPIInt    infos, length;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(2 * f->rows, &f->info, entries, &f->j, entries, &f->a));
+  PetscCall(PetscMPIIntCast(2 * f->rows, &infos));
+  PetscCall(PetscMPIIntCast(entries, &length));
+  PetscCallMPI(MPI_Irecv(f->info, infos, MPIU_INT, f->rank, tag, map->comm, request + (*requests)++));
+  PetscCallMPI(MPI_Irecv(f->j, length, MPIU_INT, f->rank, tag, map->comm, request + (*requests)++));
+  PetscCallMPI(MPI_Irecv(f->a, length, MPIU_SCALAR, f->rank, tag, map->comm, request + (*requests)++));
+  PetscFunctionReturn(0);
+}
+
+/* Starts to send rows to their owner i; *requests: number of messages */
+static PetscErrorCode LatinRowsSend_Private(PetscLayout map, PetscMPIInt tag, const LatinCoarsePart *part, const LatinRowsOut *out, PetscMPIInt i, MPI_Request request[], PetscMPIInt *requests)
+{
+  const PetscInt r = out->first[i];
+  PetscMPIInt    infos, length;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMPIIntCast(2 * out->size[2 * i], &infos));
+  PetscCall(PetscMPIIntCast(out->size[2 * i + 1], &length));
+  PetscCallMPI(MPI_Isend(out->info + 2 * r, infos, MPIU_INT, out->to[i], tag, map->comm, request + (*requests)++));
+  PetscCallMPI(MPI_Isend(part->j + part->i[r], length, MPIU_INT, out->to[i], tag, map->comm, request + (*requests)++));
+  PetscCallMPI(MPI_Isend(part->a + part->i[r], length, MPIU_SCALAR, out->to[i], tag, map->comm, request + (*requests)++));
+  PetscFunctionReturn(0);
+}
+
+/* Sends rows to their owners and receives those owned here in from[], by ascending ranks. Own rows are not copied. Collective on map->comm */
+static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, const LatinCoarsePart *part, const LatinRowsOut *out, PetscMPIInt froms, LatinRows from[])
+{
+  PetscMPIInt  rank, tag, requests = 0;
   MPI_Request *request;
+  LatinRows   *own = NULL;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(map->comm, &rank));
   PetscCall(PetscCommGetNewTag(map->comm, &tag));
-  PetscCall(PetscMalloc1(3 * (sends + froms), &request));
+  PetscCall(PetscMalloc1(3 * (out->count + froms), &request));
   for (PetscMPIInt i = 0; i < froms; i++) {
-    LatinRows *f       = from + i;
-    PetscInt   entries = f->next;
-
-    f->next = 0;
-    if (f->rank == rank) continue;
-    PetscCall(PetscMalloc3(2 * f->rows, &f->info, entries, &f->j, entries, &f->a));
-    PetscCall(PetscMPIIntCast(2 * f->rows, &length));
-    PetscCallMPI(MPI_Irecv(f->info, length, MPIU_INT, f->rank, tag, map->comm, request + requests++));
-    PetscCall(PetscMPIIntCast(entries, &length));
-    PetscCallMPI(MPI_Irecv(f->j, length, MPIU_INT, f->rank, tag, map->comm, request + requests++));
-    PetscCallMPI(MPI_Irecv(f->a, length, MPIU_SCALAR, f->rank, tag, map->comm, request + requests++));
+    if (from[i].rank == rank) own = &from[i];
+    else PetscCall(LatinRowsReceive_Private(map, tag, &from[i], request, &requests));
+    from[i].next = 0;
   }
-  for (PetscMPIInt i = 0; i < sends; i++) {
-    const PetscInt r = first[i];
+  for (PetscMPIInt i = 0; i < out->count; i++) {
+    const PetscInt r = out->first[i];
 
-    if (to[i] == rank) {
-      for (PetscMPIInt k = 0; k < froms; k++)
-        if (from[k].rank == rank) from[k] = (LatinRows){.rank = rank, .rows = size[2 * i], .info = info + 2 * r, .j = kj + ki[r], .a = ka + ki[r]};
-      continue;
-    }
-    PetscCall(PetscMPIIntCast(2 * size[2 * i], &length));
-    PetscCallMPI(MPI_Isend(info + 2 * r, length, MPIU_INT, to[i], tag, map->comm, request + requests++));
-    PetscCall(PetscMPIIntCast(size[2 * i + 1], &length));
-    PetscCallMPI(MPI_Isend(kj + ki[r], length, MPIU_INT, to[i], tag, map->comm, request + requests++));
-    PetscCallMPI(MPI_Isend(ka + ki[r], length, MPIU_SCALAR, to[i], tag, map->comm, request + requests++));
+    if (out->to[i] != rank) PetscCall(LatinRowsSend_Private(map, tag, part, out, i, request, &requests));
+    else *own = (LatinRows){.rank = rank, .rows = out->size[2 * i], .info = out->info + 2 * r, .j = part->j + part->i[r], .a = part->a + part->i[r]};
   }
   PetscCallMPI(MPI_Waitall(requests, request, MPI_STATUSES_IGNORE));
   PetscCall(PetscFree(request));
@@ -105,13 +134,13 @@ static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt info[]
 }
 
 /* Creates from[], the ranks to receive from, ascending; `next` holds the number of entries until the exchange. Collective on map->comm */
-static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], PetscMPIInt *froms, LatinRows **from)
+static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, const LatinRowsOut *out, PetscMPIInt *froms, LatinRows **from)
 {
   PetscMPIInt *ranks;
   PetscInt    *sizes;
 
   PetscFunctionBegin;
-  PetscCall(PetscCommBuildTwoSided(map->comm, 2, MPIU_INT, sends, to, size, froms, &ranks, &sizes));
+  PetscCall(PetscCommBuildTwoSided(map->comm, 2, MPIU_INT, out->count, out->to, out->size, froms, &ranks, &sizes));
   PetscCall(PetscCalloc1(*froms, from));
   for (PetscMPIInt i = 0; i < *froms; i++) {
     PetscMPIInt k = i;
@@ -167,29 +196,23 @@ PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *part)
 */
 PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinCoarsePart *part, PetscBool upper, Mat *A)
 {
-  const PetscInt n = part->rows, *ki = part->i;
-  PetscMPIInt    ranks, rank, sends, froms, *to;
-  PetscInt      *info, *size, *first, *oi, *oj;
-  PetscScalar   *oa;
-  LatinRows     *from;
+  PetscMPIInt  rank, froms;
+  PetscInt    *oi, *oj;
+  PetscScalar *oa;
+  LatinRowsOut out;
+  LatinRows   *from;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(map->comm, &ranks));
   PetscCallMPI(MPI_Comm_rank(map->comm, &rank));
-  PetscCall(PetscMalloc4(ranks, &to, 2 * ranks, &size, ranks, &first, 2 * n, &info));
-  for (PetscInt r = 0; r < n; r++) {
-    info[2 * r]     = number[r];
-    info[2 * r + 1] = ki[r + 1] - ki[r];
-  }
-  for (PetscInt k = 0; k < ki[n]; k++) part->j[k] = number[part->j[k]];
-  PetscCall(LatinRowsTo_Private(map, n, number, ki, &sends, to, size, first));
-  PetscCall(LatinRowsFrom_Private(map, sends, to, size, &froms, &from));
-  PetscCall(LatinRowsExchange_Private(map, info, ki, part->j, part->a, sends, to, size, first, froms, from));
+  for (PetscInt k = 0; k < part->i[part->rows]; k++) part->j[k] = number[part->j[k]];
+  PetscCall(LatinRowsOut_Private(map, number, part, &out));
+  PetscCall(LatinRowsFrom_Private(map, &out, &froms, &from));
+  PetscCall(LatinRowsExchange_Private(map, part, &out, froms, from));
   PetscCall(LatinRowsAdd_Private(map, froms, from, &oi, &oj, &oa));
   for (PetscMPIInt f = 0; f < froms; f++)
     if (from[f].rank != rank) PetscCall(PetscFree3(from[f].info, from[f].j, from[f].a));
   PetscCall(PetscFree(from));
-  PetscCall(PetscFree4(to, size, first, info));
+  PetscCall(PetscFree4(out.to, out.size, out.first, out.info));
   PetscCall(LatinCoarsePartFree_Private(part));
   if (upper) PetscCall(MatCreateMPISBAIJWithArrays(map->comm, 1, map->n, map->n, map->N, map->N, oi, oj, oa, A));
   else PetscCall(MatCreateMPIAIJWithArrays(map->comm, map->n, map->n, map->N, map->N, oi, oj, oa, A));
