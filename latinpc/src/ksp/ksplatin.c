@@ -267,16 +267,10 @@ static PetscErrorCode KSPLatinAtOnce_Private(KSP ksp)
 {
   KSP_Latin         *data   = (KSP_Latin *)ksp->data;
   KSPConvergedReason reason = KSP_CONVERGED_ITERATING;
-  Mat                A;
 
   PetscFunctionBegin;
   ksp->rnorm = 0.0;
-  if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
-    PetscCall(KSPGetOperators(ksp, &A, NULL));
-    PetscCall(MatMult(A, ksp->vec_sol, data->residual));
-    PetscCall(VecAYPX(data->residual, -1.0, ksp->vec_rhs));
-    PetscCall(VecNorm(data->residual, NORM_2, &ksp->rnorm));
-  }
+  if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(KSPLatinResidual_Private(ksp, data->residual, &ksp->rnorm));
   PetscCall(KSPLogResidualHistory(ksp, ksp->rnorm));
   PetscCall(KSPMonitor(ksp, ksp->its, ksp->rnorm));
   if (ksp->converged != KSPConvergedDefault) PetscCall((*ksp->converged)(ksp, ksp->its, ksp->rnorm, &reason, ksp->cnvP));

@@ -31,6 +31,7 @@ PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(LatinLinear *, Vec y, V
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(LatinLinear *, Vec y, Vec u);
 /* ksp/trueresidual.c */
 PETSC_INTERN PetscErrorCode KSPLatinAllow_Private(KSP);
+PETSC_INTERN PetscErrorCode KSPLatinResidual_Private(KSP, Vec r, PetscReal *norm);
 PETSC_INTERN PetscErrorCode KSPLatinTrueNorm_Private(KSP, PetscInt it);
 PETSC_INTERN PetscErrorCode KSPLatinCheck_Private(KSP, PetscInt it, PetscReal interface, KSPConvergedReason *);
 PETSC_INTERN PetscErrorCode KSPLatinRefine_Private(KSP, PetscBool *again);

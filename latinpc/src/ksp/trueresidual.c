@@ -58,6 +58,19 @@ static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
+/* Computes r = b - A x for the solution of the last pass, and its norm. Collective on ksp */
+PetscErrorCode KSPLatinResidual_Private(KSP ksp, Vec r, PetscReal *norm)
+{
+  Mat A;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetOperators(ksp, &A, NULL));
+  PetscCall(MatMult(A, ksp->vec_sol, r));
+  PetscCall(VecAYPX(r, -1.0, ksp->vec_rhs));
+  PetscCall(VecNorm(r, NORM_2, norm));
+  PetscFunctionReturn(0);
+}
+
 /* Computes data->true_norm, the norm of b - A x after `it` iterations of this pass. Overwrites data->solution, residual. Collective on ksp */
 PetscErrorCode KSPLatinTrueNorm_Private(KSP ksp, PetscInt it)
 {
@@ -114,17 +127,13 @@ PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
 {
   KSP_Latin      *data   = (KSP_Latin *)ksp->data;
   const PetscReal before = data->true_before;
-  Mat             A;
 
   PetscFunctionBegin;
   *again = PETSC_FALSE;
   if (ksp->normtype == KSP_NORM_NONE) PetscFunctionReturn(0);
   if (ksp->reason > 0 && ksp->reason != KSP_CONVERGED_ITS && ksp->converged == KSPConvergedDefault && data->before + data->checked != ksp->its) ksp->reason = KSP_LATIN_PASS_ENDS;
   if (ksp->reason != KSP_LATIN_PASS_ENDS) PetscFunctionReturn(0);
-  PetscCall(KSPGetOperators(ksp, &A, NULL));
-  PetscCall(MatMult(A, ksp->vec_sol, data->load));
-  PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
-  PetscCall(VecNorm(data->load, NORM_2, &data->true_norm));
+  PetscCall(KSPLatinResidual_Private(ksp, data->load, &data->true_norm));
   if (data->true_norm <= data->allowed) ksp->reason = KSP_CONVERGED_RTOL;
   else if (data->passes && !(data->true_norm <= LATIN_REFINE_GAIN * before)) {
     if (!(data->true_norm <= before)) PetscCall(VecCopy(data->guess, ksp->vec_sol));
