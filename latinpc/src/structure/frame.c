@@ -328,14 +328,11 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 /* Creates the frame of a base that is set up and whose geometry is not linear. Collective on base */
 PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *newframe)
 {
-  const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
   const PetscInt dim = base->dim, m = dim * base->links_local;
   LatinStructure frame;
 
   PetscFunctionBegin;
-  PetscCall(PetscHeaderCreate(frame, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Parts of links that turn", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
-  PetscCall(PetscObjectReference((PetscObject)base));
-  PetscCall(PetscMemcpy((char *)frame + first, (char *)base + first, last - first));
+  PetscCall(LatinStructureDerive_Private(base, "Parts of links that turn", &frame));
   frame->turns             = base;
   frame->turns_state       = -1; /* not yet followed */
   frame->rigid_law         = -1;
@@ -354,8 +351,6 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
     frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];
     frame->ends[i]  = base->ends[2 * (i / 2 / dim) + i % 2];
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* solvers find the frame by its DM */
-  PetscCall(LatinStructureComposeDM_Private(frame));
   PetscCall(LatinFrameFollow_Private(frame));
   *newframe = frame;
   PetscFunctionReturn(0);

@@ -28,14 +28,11 @@ static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal pa
 /* Creates the cones of `base`, a structure that is set up, of linear geometry, no time step. Collective on base */
 PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *newcones)
 {
-  const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
   const PetscInt dim = base->dim;
   LatinStructure cones;
 
   PetscFunctionBegin;
-  PetscCall(PetscHeaderCreate(cones, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Cones of contacts with friction", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
-  PetscCall(PetscObjectReference((PetscObject)base));
-  PetscCall(PetscMemcpy((char *)cones + first, (char *)base + first, last - first));
+  PetscCall(LatinStructureDerive_Private(base, "Cones of contacts with friction", &cones));
   cones->cones_of          = base;
   cones->rubs              = PETSC_FALSE;
   cones->rigid_law         = LATIN_LAW_CONTACT;
@@ -51,8 +48,6 @@ PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *new
     if (base->law[l] == LATIN_LAW_FRICTION) LatinConesEdges(dim, base->friction[l], base->direction + dim * l, cones->direction + dim * l);
     if (base->law[l] == LATIN_LAW_FRICTION || base->law[l] == LATIN_LAW_TANGENT) cones->law[l] = LATIN_LAW_CONTACT;
   }
-  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* solvers find the cones by their DM */
-  PetscCall(LatinStructureComposeDM_Private(cones));
   *newcones = cones;
   PetscFunctionReturn(0);
 }

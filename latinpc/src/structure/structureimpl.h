@@ -261,6 +261,10 @@ PETSC_INTERN PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureComposeDM_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 
+/* ---- structures in place of others (structure/derived.c) ---- */
+PETSC_INTERN void           LatinStructureCopyMembers(LatinStructure, LatinStructure base);
+PETSC_INTERN PetscErrorCode LatinStructureDerive_Private(LatinStructure base, const char description[], LatinStructure *);
+
 /* ---- time steps (structure/timestep.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureInertia_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStepCheck_Private(LatinStructure base);

@@ -105,14 +105,13 @@ PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec 
 */
 PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 {
-  const size_t     first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
   PetscObjectState state;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureInertia_Private(step->base));
   PetscCall(PetscObjectStateGet((PetscObject)step->base, &state));
   if (state != step->base_state) {
-    PetscCall(PetscMemcpy((char *)step + first, (char *)step->base + first, last - first));
+    LatinStructureCopyMembers(step, step->base);
     step->base_state = state;
     step->shift      = 0.0;
     step->midpoint   = (PetscBool)(step->geometry == LATIN_GEOMETRY_LARGE);
@@ -194,18 +193,15 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   LatinStructure step;
 
   PetscFunctionBegin;
-  PetscCall(PetscHeaderCreate(step, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Time step of a structure", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
-  PetscCall(PetscObjectReference((PetscObject)base));
+  PetscCall(LatinStructureDerive_Private(base, "Time step of a structure", &step));
   step->base       = base;
-  step->base_state = -1;                                     /* not updated yet */
-  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* solvers find the step by its DM */
+  step->base_state = -1; /* not updated yet */
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(
     PetscCalloc5(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed, base->dim * base->nodes_local, &step->held, base->dim * base->vertices, &step->vertex_held));
   PetscCall(LatinStepMade_Private(step, NULL));
   PetscCall(LatinStepLength_Private(step, -1.0));
-  PetscCall(LatinStructureComposeDM_Private(step));
   *newstep = step;
   PetscFunctionReturn(0);
 }
