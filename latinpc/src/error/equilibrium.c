@@ -31,7 +31,6 @@
 #define LATIN_SOFT         LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
 #define LATIN_PUSH         1e-9                         /* rounding of the loads along a step, relative to the loads */
 #define LATIN_LOAD_LEFT    0.1                          /* least part of the loads along a mechanism that tensions do not balance */
-#define LATIN_JAM_STAGES   100                          /* damped linear stages after which growing tensions are a self-stress; 25 find all jams tried */
 
 /* Sums over nodes */
 typedef struct {
@@ -98,7 +97,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
 }
 
 /* Lists nodes or links. total: count on all ranks; list: the LATIN_LISTED lowest numbers, from `mine` of each rank. Collective on comm */
-static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
+PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
 {
   PetscMPIInt ranks;
   PetscInt   *all;
@@ -213,12 +212,13 @@ static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, La
   sum->blur += (energy ? held : size) * PetscSqr(PetscMin(1.0, 0.5 * PETSC_MACHINE_EPSILON * at->turns / held));
 }
 
-/* Context of LatinNodeJudge() */
+/* What a check sums up */
 typedef struct {
-  PetscInt       dim;
-  PetscBool      energy;
-  LatinNodalSums sum;
-  LatinUnheld    unheld;
+  PetscInt          dim;
+  PetscBool         energy; /* errors in the energy norm, not the l2 norm */
+  LatinNodalSums    sum;    /* over nodes */
+  LatinNodalBalance links;  /* over links */
+  LatinUnheld       unheld;
 } LatinNodalJudge;
 
 static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
@@ -257,6 +257,63 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   PetscFunctionReturn(0);
 }
 
+/* Computes the sums of a check over nodes and links, on all ranks, and lists the unheld nodes in *found. Collective on structure */
+static PetscErrorCode LatinJudgeSums_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalJudge *judge, LatinEquilibrium *found)
+{
+  const LatinStructure structure = latin->sub.structure;
+  PetscReal            largest = 0.0, *rounding = judge->unheld.rounding;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(structure->load, NORM_INFINITY, &rounding[0]));
+  if (more) PetscCall(VecNorm(more, NORM_INFINITY, &largest));
+  rounding[0] += largest;
+  PetscCall(VecNorm(u, NORM_INFINITY, &rounding[1]));
+  for (PetscInt i = 0; i < 2; i++) rounding[i] *= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON;
+  PetscCall(LatinNodalBalance_Private(latin, u, r, more, target, LatinNodeJudge, judge, &judge->links));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &judge->sum, sizeof(judge->sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinUnheld_Private(PetscObjectComm((PetscObject)structure), &judge->unheld, found));
+  PetscFunctionReturn(0);
+}
+
+/* Whether a motion is at rest: rounding of the forces moves it by more than the target error */
+static PetscBool LatinJudgeRests(const LatinNodalJudge *judge, PetscReal target)
+{
+  const LatinNodalSums *sum = &judge->sum;
+
+  if (!judge->links.latin->sub.structure->ground) return PETSC_FALSE;
+  return (PetscBool)(PetscSqr(target) * sum->u[0] <= sum->hides[0] && PetscSqr(target) * sum->u[1] <= sum->hides[1] && 0.5 * PetscSqr(target * judge->links.gap) <= sum->hides[1]);
+}
+
+/* Sets the unbalance and its rounding, relative to the loads or the tensions. far: u is larger than the structure. Collective on structure */
+static PetscErrorCode LatinJudgeForces_Private(LatinStructure structure, const LatinNodalSums *sum, PetscBool far, LatinEquilibrium *found)
+{
+  const PetscBool loaded = (PetscBool)(sum->load > 0.0);
+  PetscReal       drawn  = 0.0;
+
+  PetscFunctionBegin;
+  found->left = PetscSqrtReal(sum->left);
+  if (!loaded && far) PetscCall(LatinStructureDrawn_Private(structure, &drawn));
+  /* after a motion due to tensions as drawn none may be left */
+  if (loaded || far) found->rounding = PetscSqrtReal(LatinRatio(sum->hidden, loaded ? sum->load : PetscMax(sum->bearing, PetscSqr(drawn))));
+  if (sum->left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum->left, loaded ? sum->load : sum->bearing));
+  if (sum->left > 0.0 || loaded) found->forces = PetscSqrtReal(LatinRatio(sum->all, PetscMax(sum->bearing, sum->load)));
+  PetscFunctionReturn(0);
+}
+
+/* Sets the relative errors that the unbalance shows: error, blur. size: l2 norm of u */
+static void LatinJudgeError(const LatinNodalJudge *judge, PetscReal size, LatinEquilibrium *found)
+{
+  const LatinNodalSums *sum  = &judge->sum;
+  const PetscReal       norm = judge->energy ? PetscSqrtReal(judge->links.sum.energy) : size;
+
+  if (!(norm > 0.0)) return;
+  found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum->error), PetscSqrtReal(sum->along)) / norm;
+  found->blur  = PetscSqrtReal(sum->blur) / norm;
+  if (!judge->links.latin->sub.structure->ground || judge->energy) return;
+  for (PetscInt d = 0; d < 4; d++)
+    if (sum->stiff[d] > 0.0) found->error = PetscMax(found->error, (PetscAbsReal(sum->moved[d]) - sum->noise[d]) / (PetscSqrtReal(sum->stiff[d]) * norm));
+}
+
 /*
    Judges displacements u with the unbalance r: whether they are an equilibrium to a relative error of `target`, in the energy or the l2 norm. more:
    an additional load, or NULL; rests: the iteration stagnates at rounding. Collective on structure
@@ -265,41 +322,22 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 {
   const LatinStructure structure = latin->sub.structure;
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
-  PetscReal            size, missed, norm, works, drawn, largest = 0.0;
+  LatinNodalSums      *sum       = &judge.sum;
+  PetscReal            size, missed, works;
   PetscBool            far;
-  LatinNodalSums       sum;
-  LatinNodalBalance    balance;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
+  PetscCall(LatinJudgeSums_Private(latin, u, r, more, target, &judge, found));
   PetscCall(VecNorm(u, NORM_2, &size));
-  PetscCall(VecNorm(structure->load, NORM_INFINITY, &judge.unheld.rounding[0]));
-  if (more) PetscCall(VecNorm(more, NORM_INFINITY, &largest));
-  judge.unheld.rounding[0] += largest;
-  PetscCall(VecNorm(u, NORM_INFINITY, &judge.unheld.rounding[1]));
-  for (PetscInt i = 0; i < 2; i++) judge.unheld.rounding[i] *= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON;
-  PetscCall(LatinNodalBalance_Private(latin, u, r, more, target, LatinNodeJudge, &judge, &balance));
-  sum = judge.sum;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(LatinUnheld_Private(PetscObjectComm((PetscObject)structure), &judge.unheld, found));
-  found->at_rest = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
-  PetscCall(LatinGapError_Private(&balance, u, size, target, found->at_rest, &missed));
+  found->at_rest = LatinJudgeRests(&judge, target);
+  PetscCall(LatinGapError_Private(&judge.links, u, size, target, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
-
   /* the unbalance moves it by less than rounding */
-  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum.error <= sum.hides[energy ? 0 : 1]) sum.error = 0.0;
-  found->balanced = (PetscBool)(sum.error == 0.0);
-  found->left     = PetscSqrtReal(sum.left);
-  if (!(sum.load > 0.0) && far) PetscCall(LatinStructureDrawn_Private(structure, &drawn));
-  /* after a motion due to tensions as drawn none may be left */
-  if (sum.load > 0.0 || far) found->rounding = PetscSqrtReal(LatinRatio(sum.hidden, sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PetscSqr(drawn))));
-  if (sum.left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum.left, sum.load > 0.0 ? sum.load : sum.bearing));
-  if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
-  norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
-  if (norm > 0.0) found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error), PetscSqrtReal(sum.along)) / norm;
-  if (norm > 0.0) found->blur = PetscSqrtReal(sum.blur) / norm;
-  for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
-    if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
+  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum->error <= sum->hides[energy ? 0 : 1]) sum->error = 0.0;
+  found->balanced = (PetscBool)(sum->error == 0.0);
+  PetscCall(LatinJudgeForces_Private(structure, sum, far, found));
+  LatinJudgeError(&judge, size, found);
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);
@@ -307,10 +345,10 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(PetscInfo(structure, "Unbalance %g of the loads, rounded by at most %g; gaps missed by %g of the displacements\n", (double)found->unbalance, (double)found->rounding, (double)missed));
 
   /* the work of the tensions is r.u minus that of the loads */
-  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);
-  if (far && (sum.load > 0.0 || !found->balanced) && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
+  works = PetscAbsReal(sum->work - sum->pushed) + PetscAbsReal(sum->pushed) + LATIN_WORK_CANCELS * (judge.links.sum.work + sum->loads);
+  if (far && (sum->load > 0.0 || !found->balanced) && PetscAbsReal(sum->work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
-    PetscCall(PetscInfo(structure, "Displacements larger than the structure: %g of the work of tensions and loads is not balanced\n", (double)(PetscAbsReal(sum.work) / works)));
+    PetscCall(PetscInfo(structure, "Displacements larger than the structure: %g of the work of tensions and loads is not balanced\n", (double)(PetscAbsReal(sum->work) / works)));
   } else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
   else found->verdict = missed > target && (rests || found->hidden) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
   PetscFunctionReturn(0);
@@ -368,110 +406,5 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   /* links that will yield bear the loads before */
   if (-PetscRealPart(pushed + other) - borne <= -LATIN_LOAD_LEFT * PetscRealPart(pushed + other)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
-  PetscFunctionReturn(0);
-}
-
-/*
-   Tests for jammed rigid links: no kinematically admissible displacement exists. Their tensions grow without bound, by the same self-stress dtau from
-   one stage of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0. All admissible strains x have dtau . x = dtau . (e0
-   + B u) <= 0 [J. Farkas]. So there are none if dtau . e0 > 0 by more than B^t dtau can balance on displacements of the size of the structure or of
-   u. Then the verdict is LATIN_JAMMED; else *found is unchanged.
-
-     stays: the missed gaps do not depend on the stiffness of the links; then the work alone suffices, unless a tension decreases, which ends at zero
-     dtau:  [links_local] increments; sets those of elastic links, and of the sign that the law does not admit, to zero
-
-   Collective on structure
-*/
-PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
-{
-  /* work on gaps and prescribed displacements, sum of absolute works; largest increase and decrease of tensions */
-  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x;
-  PetscInt  mine[LATIN_LISTED], count    = 0;
-  Vec       forces;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(structure->dm, &forces));
-  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
-  PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* e0 and prescribed displacements only */
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    /* friction prevents no displacement */
-    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT ? sign * dtau[l] : 0.0;
-
-    dtau[l] = sign * PetscMax(0.0, grows);
-    sum[0] += dtau[l] * x[l];
-    sum[1] += PetscAbsReal(dtau[l] * x[l]);
-    most[0] = PetscMax(most[0], grows);
-    most[1] = PetscMax(most[1], -grows);
-  }
-  PetscCall(LatinStructureForces_Private(structure, dtau, forces, NULL, forces)); /* without the springs of a time step, as forces are zero */
-  PetscCall(VecNorm(forces, NORM_2, &left));
-  PetscCall(VecNorm(u, NORM_2, &moved));
-  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
-  if (stays && most[1] <= PETSC_SQRT_MACHINE_EPSILON * most[0]) left = 0.0;
-  if (!(sum[0] > PetscMax(moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (PetscAbsReal(dtau[l]) <= PETSC_SQRT_MACHINE_EPSILON * most[0]) continue; /* all of them prove it */
-    if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
-    count++;
-  }
-  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->links, found->link));
-  if (found->links) found->verdict = LATIN_JAMMED;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Checks before a solve that supports do not jam rigid links between them: an error, but in a time step, which may fail, the verdict LATIN_JAMMED.
-   Collective on structure
-*/
-PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure structure, LatinEquilibrium *found)
-{
-  PetscInt jam[LATIN_LISTED];
-
-  PetscFunctionBegin;
-  PetscCall(LatinStructureCheckHeld_Private(structure, jam));
-  if (!structure->ground) PetscFunctionReturn(0);
-  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), jam[0] >= 0, jam, &found->links, found->link));
-  if (found->links) found->verdict = LATIN_JAMMED;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Runs damped stages from the initial state, and tests their last increment of tensions for a jam: verdict LATIN_JAMMED, else *found is unchanged. z,
-   work: states, overwritten. Overwrites linear.U; restores the tensions of rigid links. Collective on latin
-*/
-PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, LatinEquilibrium *found)
-{
-  LatinStructure structure    = latin->sub.structure;
-  const PetscInt applications = latin->linear.applications;
-  PetscReal     *before, *dtau;
-  Vec            u;
-
-  PetscFunctionBegin;
-  if (structure->rigid_law < 0 || (structure->rubs && !structure->ground)) PetscFunctionReturn(0);
-  PetscCall(PetscMalloc2(structure->links_local, &before, structure->links_local, &dtau));
-  PetscCall(PetscArraycpy(before, latin->linear.rigid_tension, structure->links_local));
-  PetscCall(LatinInitialState_Private(&latin->linear, z));
-  for (PetscInt k = 0; k < LATIN_JAM_STAGES && !latin->linear.failed; k++) {
-    if (k == LATIN_JAM_STAGES - 1) {
-      PetscCall(LatinReturnTensions_Private(&latin->linear));
-      PetscCall(PetscArraycpy(dtau, latin->linear.rigid_tension, structure->links_local));
-    }
-    PetscCall(LatinApply_Private(&latin->linear, z, work));
-    PetscCall(VecAXPBY(z, 0.5, 0.5, work)); /* damped, or tensions would oscillate */
-  }
-  PetscCall(DMGetGlobalVector(structure->dm, &u));
-  PetscCall(LatinAverage_Private(&latin->linear, u));
-  PetscCall(LatinReturnTensions_Private(&latin->linear));
-  for (PetscInt l = 0; l < structure->links_local; l++) dtau[l] = latin->linear.rigid_tension[l] - dtau[l];
-  if (!latin->linear.failed) PetscCall(LatinEquilibriumFarkas_Private(structure, u, PETSC_FALSE, dtau, found));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &u));
-  PetscCall(PetscArraycpy(latin->linear.rigid_tension, before, structure->links_local));
-  PetscCall(PetscFree2(before, dtau));
-  latin->linear.applications = applications;
   PetscFunctionReturn(0);
 }

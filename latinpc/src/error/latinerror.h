@@ -106,10 +106,12 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, P
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure, Vec step, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinList_Private(MPI_Comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[]);
+PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
+/* error/jammed.c */
 PETSC_INTERN PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure, Vec u, PetscBool stays, PetscReal dtau[], LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumHeld_Private(LatinStructure, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
-PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
 
 /* ---- proofs that there is no equilibrium (error/loosenodes.c, error/loosepatches.c, error/collapse.c) ---- */
 #define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* tensions of an equilibrium that rounding would destroy, relative to those of bars */
