@@ -97,50 +97,70 @@ static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Raises the error, with some of the nodes that the mechanism moves most. field: NULL on ranks without. Collective on latin */
-static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[])
+/* Nodes that a mechanism moves most, as text */
+typedef struct {
+  PetscInt  count;      /* number of those found on this rank */
+  char      names[256]; /* the first of them */
+  PetscReal largest;    /* largest displacement on all ranks; 0: no rank has a field */
+} LatinMoved;
+
+/* Finds the nodes that the mechanism moves most. field: NULL on ranks without. Collective on latin */
+static PetscErrorCode LatinMechanismNodes_Private(Latin latin, const PetscReal field[], LatinMoved *moved)
 {
-  const LatinSubdomains *sub  = &latin->sub;
-  PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
-  char                   names[256] = "", doubt[256]   = "";
-  PetscInt               list[LATIN_MOVED_MOST], named = 0;
-  PetscBool              held = PETSC_FALSE, driven = PETSC_FALSE;
+  const LatinSubdomains *sub = &latin->sub;
+  PetscReal             *size;
+  PetscInt               list[LATIN_MOVED_MOST];
   size_t                 used = 0;
 
   PetscFunctionBegin;
-  if (field) PetscCall(PetscCalloc1(sub->copies, &size));
+  *moved = (LatinMoved){.count = 0};
+  PetscCall(PetscCalloc1(sub->copies, &size));
   for (PetscInt i = 0; field && i < sub->bs * sub->copies; i++)
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) size[i / sub->bs] = PetscMax(size[i / sub->bs], PetscAbsReal(field[i]));
-  for (PetscInt i = 0; field && i < sub->copies; i++) largest = PetscMax(largest, size[i]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-  if (sub->structure && !sub->structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, largest, &held));
-  if (sub->structure && sub->structure->turns) PetscCall(LatinMechanismDriven_Private(latin, field, largest, &driven));
-  for (PetscInt i = 0; field && i < sub->copies && named < LATIN_MOVED_MOST; i++)
-    if (size[i] >= LATIN_MOVED_PART * largest && size[i] > 0.0) list[named++] = sub->node[i];
+  for (PetscInt i = 0; i < sub->copies; i++) moved->largest = PetscMax(moved->largest, size[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved->largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt i = 0; i < sub->copies && moved->count < LATIN_MOVED_MOST; i++)
+    if (size[i] >= LATIN_MOVED_PART * moved->largest && size[i] > 0.0) list[moved->count++] = sub->node[i];
   PetscCall(PetscFree(size));
-  PetscCall(PetscSortRemoveDupsInt(&named, list));
-  for (PetscInt i = 0; i < PetscMin(named, LATIN_MOVED_NAMED); i++) {
-    PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
-    PetscCall(PetscStrlen(names, &used));
+  PetscCall(PetscSortRemoveDupsInt(&moved->count, list));
+  for (PetscInt i = 0; i < PetscMin(moved->count, LATIN_MOVED_NAMED); i++) {
+    PetscCall(PetscSNPrintf(moved->names + used, sizeof(moved->names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
+    PetscCall(PetscStrlen(moved->names, &used));
   }
-  /* soft links may be lost in the rounding of stiff ones */
-  if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
-  if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
-    PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
+  PetscFunctionReturn(0);
+}
+
+/* Raises the error, with some of the nodes that the mechanism moves most. field: NULL on ranks without. Collective on latin */
+static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[])
+{
+  const LatinStructure structure = latin->sub.structure; /* NULL: of a matrix */
+  const char          *what, *cure, *where = ". Nodes that move (counted from 0): ";
+  char                 doubt[256] = "";
+  PetscReal            least = 1.0, most = 1.0;
+  PetscBool            held = PETSC_FALSE, buckles = PETSC_FALSE;
+  LatinMoved           moved;
+
+  PetscFunctionBegin;
+  PetscCall(LatinMechanismNodes_Private(latin, field, &moved));
+  if (structure && !structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held));
+  if (structure && structure->turns) PetscCall(LatinMechanismDriven_Private(latin, field, moved.largest, &buckles));
+  if (structure) PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
+  if (!structure) {
+    what  = "The matrix is singular, or not positive definite, or that of a subdomain has negative eigenvalues, as after MatShift()";
+    where = ". Unknowns of the field that shows it: ";
+    cure  = "Prescribe more unknowns, or give the kernel with MatSetNullSpace()";
+  } else if (buckles) {
+    what = "The structure as drawn is unstable: its prestress makes it buckle";
+    cure = "Change the prestress, prescribe more displacements, or add links";
+  } else {
+    what = "The structure has a mechanism: it can move without any link changing its length";
+    cure = held ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links" : "Prescribe more displacements or add links";
+    /* soft links may be lost in the rounding of stiff ones */
+    if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
+      PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
+  }
   /* without a field on any rank, all ranks raise the same error, without names */
-  LatinAgree(PetscObjectComm((PetscObject)latin), named || largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s",
-             sub->matrix ? "The matrix is singular, or not positive definite, or that of a subdomain has negative eigenvalues, as after MatShift()"
-             : driven    ? "The structure as drawn is unstable: its prestress makes it buckle"
-                         : "The structure has a mechanism: it can move without any link changing its length",
-             driven ? "" : doubt,
-             !named        ? ""
-             : sub->matrix ? ". Unknowns of the field that shows it: "
-                           : ". Nodes that move (counted from 0): ",
-             names, named > LATIN_MOVED_NAMED ? " and others" : "",
-             sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()"
-             : driven    ? "Change the prestress, prescribe more displacements, or add links"
-             : held      ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
-                         : "Prescribe more displacements or add links");
+  LatinAgree(PetscObjectComm((PetscObject)latin), moved.count || moved.largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s", what, doubt, moved.count ? where : "", moved.names, moved.count > LATIN_MOVED_NAMED ? " and others" : "", cure);
   PetscFunctionReturn(0);
 }
 
