@@ -50,30 +50,42 @@ static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscIn
   return (PetscBool)(large->frame->turns->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
 }
 
+/* Whether the iteration has ended: failed, at the target, at rounding, or where Newton's method finishes it; else LATIN_NEXT_CONTINUE. Collective on snes */
+static PetscErrorCode SNESLatinLargeEnds_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
+{
+  SNES_Latin        *data   = (SNES_Latin *)snes->data;
+  LatinLarge        *large  = &data->large;
+  const LatinLinear *linear = &data->latin->linear;
+  const PetscBool    rests  = (PetscBool)(linear->distance <= linear->noise);
+
+  PetscFunctionBegin;
+  if (linear->failed) *next = LATIN_NEXT_FAILED;
+  else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
+  else if (SNESLatinUserTest(snes)) *next = LATIN_NEXT_CONTINUE; /* the user's test decides */
+  else if (SNESLatinLargeProves(data)) *next = measure <= large->near || rests ? LATIN_NEXT_NEWTON_FINISH : LATIN_NEXT_CONTINUE;
+  else if (measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  else if (rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
+  else if (LatinLargeIdles(large, measure, linear->indicator)) *next = LATIN_NEXT_ROUNDING;
+  if (*next != LATIN_NEXT_CONVERGED || !SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(SNESLatinResidual_Private(snes));
+  if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
+  PetscFunctionReturn(0);
+}
+
 /* Decides what follows this linear stage. Collective on snes */
 static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
 {
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
   LatinLarge        *large  = &data->large;
   const LatinLinear *linear = &data->latin->linear;
-  const PetscBool    proves = SNESLatinLargeProves(data), rests = (PetscBool)(linear->distance <= linear->noise);
+  const PetscReal    goal   = SNESLatinLargeProves(data) ? large->near : SNESLatinUserTest(snes) ? 0.0 : target;
 
   PetscFunctionBegin;
+  if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinLargeEnds_Private(snes, measure, target, next));
   if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  if (linear->failed) *next = LATIN_NEXT_FAILED;
-  else if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
-  else if (SNESLatinUserTest(snes)) target = 0.0; /* the user's test decides */
-  else if (proves && (measure <= large->near || rests)) *next = LATIN_NEXT_NEWTON_FINISH;
-  else if (!proves && measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
-  else if (!proves && rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
-  else if (!proves && LatinLargeIdles(large, measure, linear->indicator)) *next = LATIN_NEXT_ROUNDING;
-  if (*next == LATIN_NEXT_CONVERGED && SNESLatinEstimates(data)) {
-    PetscCall(SNESLatinResidual_Private(snes));
-    if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
-  }
-  if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE && (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last)) *next = LATIN_NEXT_MAX_IT;
-  if (*next == LATIN_NEXT_CONTINUE && LatinLargeDue(large, measure, proves ? large->near : target)) *next = LATIN_NEXT_REBUILD;
+  if (snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
+  else if (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last) *next = LATIN_NEXT_MAX_IT;
+  else if (LatinLargeDue(large, measure, goal)) *next = LATIN_NEXT_REBUILD;
   PetscFunctionReturn(0);
 }
 
