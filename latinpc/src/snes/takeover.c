@@ -176,37 +176,30 @@ static PetscErrorCode SNESLatinNewtonRun_Private(SNES snes, PetscBool stall, Pet
   PetscFunctionReturn(0);
 }
 
-/*
-   Runs Newton's method after the iteration, or with friction the interior-point method. If it fails with operators of the iteration, it restarts with
-   the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes
-*/
-PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
+/* Whether single nodes prove that there is no equilibrium: the solve ends. Collective on snes */
+static PetscErrorCode SNESLatinNewtonHopeless_Private(SNES snes, PetscBool *hopeless)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on an iterate proves nothing */
+  PetscCall(LatinEquilibriumNodes_Private(data->latin->sub.structure, snes->vec_rhs, snes->vec_sol, &data->found));
+  *hopeless = (PetscBool)(data->found.verdict == LATIN_UNBOUNDED);
+  if (!*hopeless) PetscFunctionReturn(0);
+  PetscCall(SNESLatinBalance_Private(snes));
+  data->next = LATIN_NEXT_DIVERGED;
+  PetscFunctionReturn(0);
+}
+
+/* Continues after Newton's method has failed: with the tangent stiffness (newton->stall), or the iteration from its last state. Collective on snes */
+static PetscErrorCode SNESLatinNewtonFailed_Private(SNES snes, PetscBool own, SNESConvergedReason reason)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
   const PetscBool      elastic   = (PetscBool)(structure->rigid_law < 0);
   LatinNewton         *newton    = &data->newton;
-  PetscBool            own = PETSC_TRUE, done = PETSC_FALSE;
-  SNESConvergedReason  reason;
 
   PetscFunctionBegin;
-  if (stall) PetscCall(PetscMemzero(&data->found, sizeof(data->found))); /* a verdict on an iterate proves nothing */
-  if (stall) PetscCall(LatinEquilibriumNodes_Private(structure, snes->vec_rhs, snes->vec_sol, &data->found));
-  if (stall && data->found.verdict == LATIN_UNBOUNDED) {
-    PetscCall(SNESLatinBalance_Private(snes));
-    data->next = LATIN_NEXT_DIVERGED;
-    PetscFunctionReturn(0);
-  }
-  if (!stall) PetscCall(LatinNewtonOwn_Private(structure, &own));
-  if (own) newton->stall = PETSC_FALSE;
-  PetscCall(SNESLatinNewtonGoal_Private(snes));
-  if (structure->rubs) PetscCall(SNESLatinCoulomb_Private(snes, &reason));
-  else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
-  if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
-  if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
-  /* a warm start begins at the solution. Not where rounding hides motion: light parts that move beside heavy ones at rest, as a truss in flight */
-  if (done && data->warm && LatinNextConverged(data->next) && !data->found.at_rest && !elastic) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
-  if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
   if ((own && elastic) || (structure->rubs && structure->ground)) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
@@ -217,5 +210,35 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (!(newton->contrast || (SNESLatinEstimates(data) && elastic)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = SNESLatinStagesLeft(snes) > 0 ? LATIN_NEXT_ROUNDING : LATIN_NEXT_MAX_IT; /* unproven: Newton's method has failed, or had no stages left */
   PetscCall(PetscInfo(snes, "Convergence of the iteration unproven: Newton's method has failed\n"));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Runs Newton's method after the iteration, or with friction the interior-point method. If it fails with operators of the iteration, it restarts with
+   the tangent stiffness; if that fails, the iteration continues from its last state. Collective on snes
+*/
+PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  PetscBool            own = PETSC_TRUE, done = PETSC_FALSE;
+  SNESConvergedReason  reason;
+
+  PetscFunctionBegin;
+  if (stall) PetscCall(SNESLatinNewtonHopeless_Private(snes, &done));
+  else PetscCall(LatinNewtonOwn_Private(structure, &own));
+  if (done) PetscFunctionReturn(0);
+  if (own) data->newton.stall = PETSC_FALSE;
+  PetscCall(SNESLatinNewtonGoal_Private(snes));
+  if (structure->rubs) PetscCall(SNESLatinCoulomb_Private(snes, &reason));
+  else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
+  if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
+  if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
+  if (!done) {
+    PetscCall(SNESLatinNewtonFailed_Private(snes, own, reason));
+    PetscFunctionReturn(0);
+  }
+  /* a warm start begins at the solution. Not where rounding hides motion: light parts that move beside heavy ones at rest, as a truss in flight */
+  if (data->warm && LatinNextConverged(data->next) && !data->found.at_rest && structure->rigid_law >= 0) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
   PetscFunctionReturn(0);
 }
