@@ -5,50 +5,74 @@
    the same ones. This depends on the pattern of nonzero values, which is compared entry by entry.
 */
 
+/* New values of the operators */
+typedef struct {
+  PetscInt  *place; /* [copies] 1 + position of the entry of the current row in this column; those of other rows are outside its range */
+  PetscBool *has;   /* [entries] whether an entry has a value, if values are summed */
+  PetscInt   left;  /* number of entries without a value yet */
+  PetscBool  same;  /* the pattern is the same */
+  PetscBool  check; /* symmetry must be checked entry by entry */
+} LatinValues;
+
+/* Whether row r, which no subdomain has, has no entries but the diagonal one of an isolated unknown */
+static PetscBool LatinValuesIsolated(const LatinSubdomains *sub, const LatinLocalMatrix *local, PetscInt r)
+{
+  for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
+    if (local->a[k] != 0.0 && (sub->row_copy[r] != LATIN_ROW_ISOLATED || local->j[k] != r)) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* Stores a value of entry e, or adds it to those that it has */
+static void LatinValuesStore(LatinSubdomains *sub, LatinValues *values, PetscInt e, PetscReal value)
+{
+  const PetscBool more = (PetscBool)(sub->sums && values->has[e]);
+
+  sub->ka[e] = more ? sub->ka[e] + value : value;
+  if (sub->sums) values->has[e] = PETSC_TRUE;
+  if (!more) values->left--;
+}
+
+/* Copies the values of row r into those of its copy */
+static PetscErrorCode LatinValuesRow_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscInt r, LatinValues *values)
+{
+  const PetscInt *copy = sub->row_copy, first = sub->ki[copy[r]], last = sub->ki[copy[r] + 1];
+
+  PetscFunctionBegin;
+  for (PetscInt k = first; k < last; k++) values->place[sub->kj[k]] = k + 1;
+  for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++) {
+    const PetscInt at     = copy[local->j[k]];
+    PetscReal      across = 0.0;
+
+    if (local->a[k] == 0.0) continue;
+    if (at >= 0 && values->place[at] > first && values->place[at] <= last) LatinValuesStore(sub, values, values->place[at] - 1, local->a[k]);
+    else {
+      if (at >= 0) PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &across));
+      if (across != 0.0) values->same = PETSC_FALSE;
+      values->check = PETSC_TRUE;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
 /* Copies the new values into the rows of the operators. *same: the pattern is the same here; *check: symmetry must be checked entry by entry */
 static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool *same, PetscBool *check)
 {
-  const PetscInt *ki = sub->ki, *kj = sub->kj, *copy = sub->row_copy;
-  PetscReal      *ka = sub->ka;
-  /* [copies] 1 + position of the entry of the current row in this column; number of entries without a value yet */
-  PetscInt  *place, left = ki[sub->copies];
-  PetscBool *has;
+  LatinValues values = {.left = sub->ki[sub->copies], .same = (PetscBool)(local->rows == sub->rows && !sub->dense), .check = *check};
 
   PetscFunctionBegin;
-  *same = (PetscBool)(local->rows == sub->rows && !sub->dense);
-  PetscCall(PetscCalloc2(sub->copies, &place, sub->sums ? left : 0, &has));
-  for (PetscInt r = 0; r < local->rows && *same; r++) {
-    const PetscInt i = copy[r], first = i < 0 ? 0 : ki[i], last = i < 0 ? 0 : ki[i + 1], end = local->i[r + 1];
-
-    for (PetscInt k = first; k < last; k++) place[kj[k]] = k + 1;
-    for (PetscInt k = local->i[r]; k < end; k++) {
-      const PetscInt  column = local->j[k], at = copy[column];
-      const PetscReal value  = local->a[k];
-      PetscReal       across = 0.0;
-
-      if (value == 0.0) continue;
-      if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ISOLATED && column == r);
-      else if (at >= 0 && place[at] > first && place[at] <= last) {
-        /* positions of other rows in place[] are outside first..last */
-        const PetscInt  e    = place[at] - 1;
-        const PetscBool more = (PetscBool)(sub->sums && has[e]);
-
-        ka[e] = more ? ka[e] + value : value;
-        if (sub->sums) has[e] = PETSC_TRUE;
-        if (!more) left--;
-      } else {
-        if (at >= 0) PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &across));
-        *same  = (PetscBool)(*same && across == 0.0);
-        *check = PETSC_TRUE;
-      }
-    }
+  PetscCall(PetscCalloc2(sub->copies, &values.place, sub->sums ? values.left : 0, &values.has));
+  for (PetscInt r = 0; r < local->rows && values.same; r++) {
+    if (sub->row_copy[r] >= 0) PetscCall(LatinValuesRow_Private(sub, local, r, &values));
+    else values.same = LatinValuesIsolated(sub, local, r);
   }
-  if (left) *same = PETSC_FALSE;
+  if (values.left) values.same = PETSC_FALSE;
   if (sub->sums) {
-    *check = PETSC_TRUE;
-    if (*same) PetscCall(LatinMatrixMirror_Private(sub));
+    values.check = PETSC_TRUE;
+    if (values.same) PetscCall(LatinMatrixMirror_Private(sub));
   }
-  PetscCall(PetscFree2(place, has));
+  PetscCall(PetscFree2(values.place, values.has));
+  *same  = values.same;
+  *check = values.check;
   PetscFunctionReturn(0);
 }
 
@@ -114,7 +138,7 @@ PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *sa
 {
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
-  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric;
+  PetscBool        pattern = PETSC_FALSE, places, check = PETSC_FALSE, known, symmetric;
   PetscInt         any[3];
 
   PetscFunctionBegin;
