@@ -125,14 +125,17 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   PetscFunctionReturn(0);
 }
 
-/* Computes the largest norm of the unbalanced forces at convergence. Collective on snes */
+/* Computes the largest norm of the unbalanced forces at convergence: relative to the loads, or without any to the tensions as drawn. Collective on snes */
 PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   drive;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLoads_Private(snes, &data->large.loads));
-  data->large.balance = SNESLatinBalanceForce(data, data->large.loads);
+  drive = data->large.loads;
+  if (!(drive > 0.0)) PetscCall(LatinStructureDrawn_Private(data->large.frame->turns, &drive));
+  data->large.balance = SNESLatinBalanceForce(data, drive);
   PetscFunctionReturn(0);
 }
 
@@ -247,14 +250,15 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
   PetscInt    steps = 1;
-  PetscReal   least[LATIN_LARGE_STAGNATION];
+  PetscReal   least[LATIN_LARGE_STAGNATION], far = 0.0;
 
   PetscFunctionBegin;
-  /* without a step the next operators would be the same */
-  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && SNESLatinStagesLeft(snes) > 0; k++) {
+  /* without a step the next operators would be the same, after a leap away those of a mechanism */
+  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && far <= LATIN_LARGE_NOWHERE * large->size && SNESLatinStagesLeft(snes) > 0; k++) {
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
+    PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far));
     if (*done) continue;
     if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
     if (!k && measures && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
