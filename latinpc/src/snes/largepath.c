@@ -251,7 +251,8 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
   if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens the prediction is too large for any increment */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
-  target->passed = (PetscBool)(corrected > PetscMax(LATIN_PATH_CORRECTED * more * path->far, none));
+  /* PETSC_MAX_REAL: forces on nodes that slack links leave free, which go along where these tighten */
+  target->passed = (PetscBool)(corrected < PETSC_MAX_REAL && corrected > PetscMax(LATIN_PATH_CORRECTED * more * path->far, none));
   PetscFunctionReturn(0);
 }
 
