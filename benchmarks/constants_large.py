@@ -294,7 +294,7 @@ LARGE = {
     ),
     "LATIN_PATH_TARGETS": (
         "loads",
-        "A bound that none meets: each is at most half as far as the one before, down to `LATIN_PATH_LEAST`.",
+        "A bound that none meets: each is at most half as far as the one before, down to `LATIN_PATH_SMALL`.",
     ),
     "LATIN_PATH_INVERSE": (
         "solves",
@@ -304,6 +304,11 @@ LARGE = {
     "LATIN_PATH_LEAST": (
         "of the loads",
         "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",
+    ),
+    "LATIN_PATH_SMALL": (
+        "of the loads",
+        "Of 92 tents whose tensions as drawn are not in balance 13 are refused with 1e-4, 8 with 1e-5, 5 with 1e-6, "
+        "none with 1e-7.",
     ),
     "LATIN_PATH_STAGES": (
         "linear stages",

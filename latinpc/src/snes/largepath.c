@@ -20,8 +20,8 @@
       displacements of a large net.
    4. The increment is halved if the comparison fails, if no equilibrium is found, or if its tangent stiffness is not positive definite.
       Equilibria found for larger increments are kept and compared again from closer states, so no load is solved for twice; one that is
-      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST show a limit point or a
-      critical load.
+      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST, or where the structure
+      stiffens below LATIN_PATH_SMALL, show a limit point or a critical load.
 
    Stiffening: where a structure is soft at the start and stiffens, the prediction at the start is so large that any snap would pass; and
    loads far beyond a limit point move a truss to a stiff state by as much as the drawing predicts. So no node may stiffen by more than a
@@ -162,9 +162,9 @@ static PetscErrorCode LatinPathStiffens_Private(SNES snes, const LatinPath *path
 
 /*
    Compares the increment from path->u to the target with the tangent stiffness at both ends (step 3 of the file). *smaller: 1 if the
-   increment is accepted, else the factor for the next one. Sets target->other. Collective on snes
+   increment is accepted, else the factor for the next one. Sets target->other and path->stiffens. Collective on snes
 */
-static PetscErrorCode LatinPathCompare_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
+static PetscErrorCode LatinPathCompare_Private(SNES snes, LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
   PetscBool            follows, stiffens = PETSC_FALSE;
@@ -174,7 +174,8 @@ static PetscErrorCode LatinPathCompare_Private(SNES snes, const LatinPath *path,
   PetscCall(LatinPathRatesCreate_Private(snes, path, target, &rates));
   PetscCall(LatinPathFollows_Private(structure, path, target, &rates, &follows));
   if (follows) PetscCall(LatinPathStiffens_Private(snes, path, target, &rates, &stiffens));
-  target->other = (PetscBool)(!follows && rates.moved > LATIN_PATH_FAR * PetscMax(path->far, target->far));
+  target->other  = (PetscBool)(!follows && rates.moved > LATIN_PATH_FAR * PetscMax(path->far, target->far));
+  path->stiffens = (PetscBool)(target->stable && rates.moved <= path->far && target->far <= rates.moved);
   if (stiffens) *smaller = PetscMin(0.5, PetscMax(rates.moved / path->far, LATIN_PATH_STIFFENS / rates.part)); /* not below the size from which on stiffening is allowed */
   else *smaller = follows ? 1.0 : 0.5;
   PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(rates.part * rates.moved), (double)(rates.part * path->far), (double)(rates.part * target->far),
@@ -366,7 +367,7 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->reached;
 
-    if (more < LATIN_PATH_LEAST) break;
+    if (more < (path->stiffens ? LATIN_PATH_SMALL : LATIN_PATH_LEAST)) break;
     PetscCall(LatinPathIncrement_Private(snes, path, &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);

@@ -9,8 +9,9 @@
 
 #define LATIN_PATH_STIFFENS 1e-3 /* part of the path: in smaller increments a structure may stiffen at once, as where a cable tightens */
 #define LATIN_PATH_LEAST    1e-4 /* part of the path: the least increment. If it fails, the path has met a limit point */
+#define LATIN_PATH_SMALL    1e-8 /* part of the path: the same where the structure stiffens on the way */
 #define LATIN_PATH_DISTURBS 1e-6 /* disturbance of a state that a descent leaves, relative to the size */
-#define LATIN_PATH_TARGETS  16   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_LEAST */
+#define LATIN_PATH_TARGETS  32   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_SMALL */
 
 /*
    Target: a part of the path for which an equilibrium is sought.
@@ -46,6 +47,7 @@ typedef struct {
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
+  PetscBool       stiffens; /* the last equilibrium compared is stable, and the rate falls on the way to it */
   PetscBool       unloaded; /* the path starts without loads */
   PetscBool       slackens; /* only links at kinks of their laws hold the unloaded state where the path starts */
 } LatinPath;
