@@ -140,10 +140,9 @@ def _no_equilibrium(snes, structure):
         rigid = structure.some_links(links, jammed > len(links))
         return True, [f"no equilibrium: the gaps of the rigid {rigid} are incompatible"]
     loose = idle_links(structure)
-    if rubs and not unsupported and snes.getConvergedReason() == DTOL:
-        moved = rubbing.sliding(snes, structure)
-        nodes, ends = moved[:_NAMED], bool(moved)
-        named = structure.some_nodes(nodes, len(moved) > _NAMED)
+    asks = rubs and not ends and snes.getConvergedReason() == DTOL and not (unsupported and rubbing.rough(structure))
+    if moved := rubbing.sliding(snes, structure) if asks else []:
+        ends, named = True, structure.some_nodes(moved[:_NAMED], len(moved) > _NAMED)
     if ends:
         held = "neither links nor friction hold" if rubs else f"{loose} no longer hold"
         return True, [f"no equilibrium: {held} {named}"]

@@ -19,7 +19,7 @@ from .mechanism import bearing, free_motion
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["jammed", "sliding"]
+__all__ = ["jammed", "rough", "sliding"]
 
 MOST = 10_000  # links: their solve without friction takes seconds
 LITTLE = 1e-8  # coefficient of friction, whose forces are rounding; of more the solver itself finds out
@@ -53,6 +53,12 @@ def jammed(structure: Structure) -> tuple[int, list[int]]:
     finally:
         snes.destroy()
         u.destroy()
+
+
+def rough(structure: Structure) -> bool:
+    """Return whether all contacts have friction that is more than rounding; collective."""
+    smooth = (structure.law == Law.FRICTION) & (structure.friction <= LITTLE)
+    return not structure.over_ranks.largest(smooth.any())
 
 
 def sliding(snes: PETSc.SNES, structure: Structure) -> list[int]:

@@ -97,10 +97,18 @@ typedef struct {
   PetscInt     nodes;              /* unheld nodes, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* the lowest of their global numbers */
   PetscReal    distance;           /* distance by which they move until a link stops them */
+  PetscBool    slides;             /* with friction: the nodes slide or fall without end, along a way that need not be the only one (snes/slides.c) */
   PetscInt     hidden;             /* unheld nodes whose loads are below the rounding of the forces there */
   PetscInt     links;              /* jammed rigid links, on all ranks */
   PetscInt     link[LATIN_LISTED];
 } LatinEquilibrium;
+
+/* Returns whether it is known why there is no equilibrium, or none was found: links that jam, or nodes that move without end */
+static inline PetscBool LatinEquilibriumExplained(const LatinEquilibrium *found)
+{
+  return (PetscBool)(found->verdict == LATIN_JAMMED || (found->verdict == LATIN_UNBOUNDED && found->nodes && (found->slides || found->distance == INFINITY)));
+}
+
 PETSC_INTERN PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure, PetscReal *least);
 PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);

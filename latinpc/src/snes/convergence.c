@@ -295,6 +295,7 @@ static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
      limit of stages      CONTINUE                        -> MAX_IT
      search parameter     CONTINUE, DIVERGED              -> REBUILD
      grains               CONTINUE, DIVERGED, MAX_IT      -> CONVERGED, DIVERGED
+     endless slides       CONTINUE, DIVERGED              -> DIVERGED
 
    Collective on snes
 */
@@ -318,6 +319,7 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   if (*next == LATIN_NEXT_CONTINUE && (SNESLatinStagesLeft(snes) <= 0 || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
   if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinGrains_Private(snes, next));
+  if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinSlides_Private(snes, next));
   PetscFunctionReturn(0);
 }
 

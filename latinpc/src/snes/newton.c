@@ -40,7 +40,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
 
   PetscFunctionBegin;
   newton->iterations = newton->steps = newton->stages = 0;
-  newton->last                                        = PETSC_MAX_INT;
+  newton->last = newton->slides = PETSC_MAX_INT;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));

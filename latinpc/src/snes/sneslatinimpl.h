@@ -45,6 +45,7 @@ typedef struct {
   PetscInt  iterations;    /* linear stages of the iteration in this solve */
   PetscInt  most;          /* most linear stages predicted: with more, the iteration stalls */
   PetscInt  last;          /* most linear stages of this solve */
+  PetscInt  slides;        /* linear stages after which the search for endless slides is due (snes/slides.c) */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* how it runs */
   SNES           snes;              /* NULL before the first time */
@@ -360,6 +361,7 @@ PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
 PETSC_INTERN PetscBool           SNESLatinUserTest(SNES);
 PETSC_INTERN PetscBool           SNESLatinWatched(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, LatinNext *);
+PETSC_INTERN PetscErrorCode      SNESLatinSlides_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinAdmissible_Private(SNES, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);

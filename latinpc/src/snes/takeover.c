@@ -12,6 +12,7 @@
 #define LATIN_DIGITS_SAFETY 2.0 /* safety factor on errors known to their order of magnitude */
 /* most linear stages after a failure of Newton's method without rigid links, or of the interior-point method in a time step; usually there is no solution */
 #define LATIN_NEWTON_AFTER 1000
+#define LATIN_SLIDES_AFTER 1000 /* linear stages after such a failure with friction in statics, before the search for endless slides (snes/slides.c) */
 
 /* Checks whether the precision allows the requested error; else the solve ends with LATIN_NEXT_ROUNDING. Collective on snes */
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
@@ -203,6 +204,7 @@ static PetscErrorCode SNESLatinNewtonFailed_Private(SNES snes, PetscBool own, SN
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
   if ((own && elastic) || (structure->rubs && structure->ground)) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  if (structure->rubs && !structure->ground) newton->slides = data->latin->linear.applications + LATIN_SLIDES_AFTER;
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
