@@ -118,7 +118,7 @@ static PetscErrorCode LatinSlidesRun_Private(LatinSlides *run, PetscInt most, Pe
 
   PetscFunctionBegin;
   PetscCall(LatinInitialState_Private(linear, z));
-  for (*slides = PETSC_FALSE; !*slides && !linear->failed && run->idle < LATIN_SLIDES_IDLE && linear->applications < last - LATIN_SLIDES_WINDOW;) {
+  for (*slides = PETSC_FALSE; !*slides && !linear->failed && run->idle < LATIN_SLIDES_IDLE && linear->applications < last - 2 * LATIN_SLIDES_WINDOW;) {
     for (PetscInt k = 0; k < LATIN_SLIDES_WINDOW && !linear->failed; k++) {
       PetscCall(LatinApply_Private(linear, z, Gz));
       PetscCall(VecAXPBY(z, LATIN_SLIDES_DAMP, 1.0 - LATIN_SLIDES_DAMP, Gz));
