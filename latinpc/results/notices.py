@@ -61,6 +61,10 @@ _DRAWN = {
     "soft": "no stable equilibrium was found under 1e-4 of the loads, the least increment: they are far too large"
     " (apply a part of them), or prestress does not hold the structure",
 }
+_NOWHERE = (
+    "no stable equilibrium has been found near the drawing: look at prestress and initial elongations that are not in"
+    " balance there, and at bars that should be cables"
+)
 DTOL = PETSc.SNES.ConvergedReason.DIVERGED_DTOL
 
 
@@ -382,7 +386,7 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
         return [f"the solve ended before the whole loads: displacements are those of {max(factor, 0.0):.4g} of them"]
     named = structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
     if factor <= 0.0:  # the configuration as drawn is held by forces that are none of the loads
-        return [f"{_DRAWN[kind]}; nodes that move: {named}" if named else "no stable equilibrium has been found"]
+        return [f"{_DRAWN[kind]}; nodes that move: {named}" if named else _NOWHERE]
     if report.get("branch"):
         text = (
             f"the structure buckles at {factor:.4g} of the loads, to one side or the other, and may bear more there:"
