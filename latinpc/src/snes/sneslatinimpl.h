@@ -426,8 +426,9 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeClaim_Private(SNES, PetscReal, LatinNext);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);
-/* snes/options.c */
+/* snes/settings.c */
 PETSC_INTERN PetscErrorCode SNESLatinCheck_Private(SNES);
+/* snes/options.c */
 PETSC_INTERN PetscErrorCode SNESSetFromOptions_Latin(SNES, LatinOptionItems);
 /* snes/results.c */
 PETSC_INTERN PetscErrorCode SNESLatinRigidTensions_Private(SNES, const PetscReal *rigid[]);

@@ -1,8 +1,8 @@
 /*
    Structures of links: their data, and the functions shared by their files and by the solvers. Each file calls only those before it:
 
-     laws, userlaws; vectors; turning, turningtangent, geometric; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame,
-     frictioncones; attach
+     laws, userlaws; vectors; turning, turningtangent, geometric; rigidlaws; tangent, linesearch; residual, results; setup; actions; structure; timestep,
+     frame, frictioncones; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
