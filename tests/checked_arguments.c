@@ -3,6 +3,7 @@
    refused. On one rank: no handle, no array, no room for results. On several: values that differ, without which ranks would wait.
 */
 #include <latinpc.h>
+#include <petscdm.h>
 
 static int refused;
 
@@ -51,6 +52,8 @@ static PetscErrorCode NoHandles(Vec u)
   PetscBool       fixed[2] = {PETSC_FALSE, PETSC_FALSE};
   LatinStatistics statistics;
   LatinCost       cost;
+  LatinStopType   stop;
+  LatinVariant    variant;
   Latin           latin;
   KSP             ksp;
   SNES            outer;
@@ -68,10 +71,21 @@ static PetscErrorCode NoHandles(Vec u)
   Refused(LatinStructureSetUp(NULL));
   Refused(LatinStructureGetDM(NULL, &dm));
   Refused(LatinStructureGetSizes(NULL, &n, NULL, NULL, NULL));
+  Refused(LatinStructureGetLaws(NULL, &n, NULL, NULL, NULL));
+  Refused(LatinStructureGetDirections(NULL, &n, NULL));
+  Refused(LatinStructureGetFriction(NULL, &n, NULL));
+  Refused(LatinStructureGetSupports(NULL, &n, NULL, NULL));
+  Refused(LatinStructureGetLoads(NULL, &n, NULL));
+  Refused(LatinStructureGetMass(NULL, &n, NULL));
   Refused(LatinStructureComputeResidual(NULL, u, u));
   Refused(LatinGetStatistics(NULL, &statistics));
   Refused(LatinGetCost(NULL, &cost));
   Refused(LatinGetLocalKSP(NULL, 0, &ksp));
+  Refused(LatinGetVariant(NULL, &variant));
+  Refused(LatinGetModes(NULL, NULL, NULL));
+  Refused(LatinGetDirection(NULL, NULL, NULL));
+  Refused(LatinGetPartition(NULL, &n, NULL));
+  Refused(SNESLatinGetStop(NULL, &stop));
   Refused(SNESLatinGetLatin(NULL, &latin));
   Refused(SNESLatinGetOuter(NULL, &outer));
   Refused(SNESLatinGetTensions(NULL, x));
@@ -130,6 +144,14 @@ static PetscErrorCode NoRoom(LatinStructure chain, SNES snes, Latin latin, Vec u
   Refused(LatinStructureComputeErrors(chain, u, u, NULL, NULL));
   Refused(LatinStructureGetTensions(chain, u, NULL));
   Refused(SNESLatinGetLatin(snes, NULL));
+  Refused(SNESLatinGetStop(snes, NULL));
+  Refused(SNESLatinGetError(snes, NULL));
+  Refused(SNESLatinGetTensionError(snes, NULL));
+  Refused(SNESLatinGetBalance(snes, NULL));
+  Refused(SNESLatinGetLargestUnbalance(snes, NULL));
+  Refused(SNESLatinGetNewton(snes, NULL));
+  Refused(SNESLatinGetReference(snes, NULL));
+  Refused(SNESLatinGetWarmStart(snes, NULL));
   Refused(SNESLatinSolveCases(snes, 1, none, none, none, NULL, NULL, NULL));
   Refused(SNESLatinSolveCases(snes, 1, none, none, none, room, room, stages));
   Refused(SNESLatinSolveCases(snes, -1, NULL, NULL, NULL, NULL, NULL, NULL));
@@ -144,6 +166,9 @@ static PetscErrorCode NoRoom(LatinStructure chain, SNES snes, Latin latin, Vec u
   Refused(LatinGetLocalKSP(latin, 0, NULL));
   Refused(LatinGetCoarseKSP(latin, NULL));
   Refused(LatinGetCost(latin, NULL));
+  Refused(LatinGetPartitioner(latin, NULL));
+  Refused(LatinGetVariant(latin, NULL));
+  Refused(LatinGetPrecision(latin, NULL));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(PCDestroy(&pc));
   PetscFunctionReturn(0);

@@ -36,17 +36,19 @@ program fortran_module
   PetscInt, parameter :: dim = 2, all = 4, ends(8) = [0, 3, 1, 3, 2, 3, 2, 3], cases = 2, points = 3, steps = 4, cable = LATIN_LAW_CABLE
   PetscReal, parameter :: x(8) = [-1, 1, 1, 1, 0, -1, 0, 0], stiffness(4) = 1d4, force(8) = [0, 0, 0, 0, 0, 0, 0, -10]
   PetscReal, parameter :: elongation(3) = [-1, 0, 1], force_of_table(3) = [0, 0, 1000], mass(4) = [0, 0, 0, 1], step = 1d-3
+  integer, parameter :: of_links(4) = [0, 1, 2, 2]
   PetscBool, parameter :: fixed(8) = [.true., .true., .true., .true., .true., .true., .false., .false.]
   PetscReal :: displacement(8), tensions(4), work, l2, in_energy, last, floor, k, half
   PetscReal :: load(8, 2), moved(8, 2), forces(4, 2)
-  PetscReal, pointer :: indicator(:), error_l2(:), error_energy(:), estimate(:)
-  PetscInt, pointer :: listed_nodes(:)
+  PetscReal, pointer :: indicator(:), error_l2(:), error_energy(:), estimate(:), as_set(:), e0(:)
+  PetscInt, pointer :: listed_nodes(:), laws_set(:)
+  PetscBool, pointer :: fixed_set(:)
   PetscInt :: nodes, links, law(4), own, table, sizes(4), n, count, listed, stages(2), of_link(4), first
   PetscMPIInt :: rank
   PetscErrorCode :: ierr
   PetscBool :: wrong
   character(len=600) :: name, cause
-  integer :: geometry
+  integer :: geometry, stop_set, direction
   type(LatinStructure) :: structure, alone
   type(Latin) :: method
   type(LatinLawFunctions) :: functions
@@ -90,6 +92,16 @@ program fortran_module
   call check(all_are(sizes, [2, 4, 4, 2]), "sizes")
   PetscCallA(LatinStructureGetGeometry(structure, geometry, ierr))
   call check(geometry == LATIN_GEOMETRY_LINEAR, "geometry")
+  PetscCallA(LatinStructureGetLaws(structure, n, laws_set, as_set, e0, ierr))
+  if (rank == 0) call check(n == links .and. all_are(laws_set, int(law(:n))) .and. size(as_set) == n .and. .not. any(e0 /= 0), "laws as set")
+  PetscCallA(LatinStructureGetSupports(structure, n, fixed_set, as_set, ierr))
+  if (rank == 0) call check(n == 2 * nodes .and. .not. any(fixed_set .neqv. fixed(:n)) .and. .not. any(as_set /= 0), "supports as set")
+  PetscCallA(LatinStructureGetLoads(structure, n, as_set, ierr))
+  if (rank == 0) call check(n == 2 * nodes .and. .not. any(as_set /= force(:n)), "loads as set")
+  PetscCallA(LatinStructureGetMass(structure, n, as_set, ierr))
+  if (rank == 0) call check(n == nodes .and. .not. any(as_set /= mass(:n)), "masses as set")
+  PetscCallA(LatinStructureGetFriction(structure, n, as_set, ierr))
+  call check(n == 0 .and. .not. associated(as_set), "no coefficients of friction")
 
   PetscCallA(SNESCreate(PETSC_COMM_WORLD, solver, ierr))
   PetscCallA(LatinStructureAttachSNES(structure, solver, ierr))
@@ -97,8 +109,15 @@ program fortran_module
   PetscCallA(SNESLatinSetStop(solver, LATIN_STOP_ERROR, ierr))
   k = 1d-6
   PetscCallA(SNESLatinSetError(solver, k, ierr))
+  PetscCallA(SNESLatinGetStop(solver, stop_set, ierr))
+  PetscCallA(SNESLatinGetError(solver, work, ierr))
+  call check(stop_set == LATIN_STOP_ERROR .and. work == k, "stop as set")
   PetscCallA(SNESLatinGetLatin(solver, method, ierr))
-  PetscCallA(LatinSetPartition(method, links, [0, 1, 2, 2], ierr))
+  PetscCallA(LatinSetPartition(method, links, of_links, ierr))
+  PetscCallA(LatinGetPartition(method, n, listed_nodes, ierr))
+  if (rank == 0) call check(n == links .and. all_are(listed_nodes, of_links(:n)), "partition as set")
+  PetscCallA(LatinGetDirection(method, direction, work, ierr))
+  call check(direction == LATIN_DIRECTION_SCHUR .and. work == 0, "search direction by default")
   PetscCallA(SNESSetFromOptions(solver, ierr))
   PetscCallA(SNESSolve(solver, PETSC_NULL_VEC, PETSC_NULL_VEC, ierr))
   PetscCallA(SNESGetSolution(solver, u, ierr))
@@ -135,7 +154,7 @@ program fortran_module
   call check(n >= 0 .and. n <= 3 .and. first >= 0, "subdomains")
   of_link = -1
   PetscCallA(LatinGetSubdomainOfLinks(method, of_link, ierr))
-  if (rank == 0) call check(all_are(of_link, [0, 1, 2, 2]), "subdomains of links")
+  if (rank == 0) call check(all_are(of_link, of_links), "subdomains of links")
 
   PetscCallA(LatinStateSave(solver, u, "fortran.state", ierr))
   PetscCallA(VecSet(u, 0d0, ierr))

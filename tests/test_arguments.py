@@ -18,4 +18,4 @@ def test_values_that_differ_are_refused(compile_c, ranks):
 def test_what_is_not_there_is_refused(compile_c):
     """No handle, no array, no room for a result: an error in place of a crash."""
     found = run([compile_c("checked_arguments.c", *LINKED)], leaks=False)
-    assert found.stdout == "58 calls refused\n"
+    assert found.stdout == "80 calls refused\n"

@@ -1,7 +1,7 @@
 #include "core/latinimpl.h"
 
 /*
-   Setters of the method, and the options that call them. After a change the next set-up rebuilds everything.
+   Settings of the method: setters, getters, and the options that call the setters. After a change the next set-up rebuilds everything.
 */
 
 const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "primal", "auto", "LatinVariant", "LATIN_VARIANT_", NULL};
@@ -32,6 +32,8 @@ const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPart
 . -snes_latin_variant <auto,primal,corner,macro,none,published> - or -pc_latin_variant
 
   Level: intermediate
+
+.seealso: `LatinGetVariant()`
 @*/
 PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 {
@@ -39,6 +41,30 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinVariants, (int)variant));
   LatinChange(latin, variant, variant);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinGetVariant - Gets which interface dofs are in the coarse problem.
+
+  Not collective
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameter:
+. variant - as set, by default `LATIN_VARIANT_AUTO` of a SNES, `LATIN_VARIANT_CORNER` of a KSP or PC
+
+  Level: intermediate
+
+.seealso: `LatinSetVariant()`
+@*/
+PetscErrorCode LatinGetVariant(Latin latin, LatinVariant *variant)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscAssertPointer(variant, 2);
+  *variant = latin->variant;
   PetscFunctionReturn(0);
 }
 
@@ -56,6 +82,8 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 - -snes_latin_modes_local <threshold> - or -pc_latin_modes_local, -ksp_latin_modes_local
 
   Level: intermediate
+
+.seealso: `LatinGetModes()`
 @*/
 PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal threshold)
 {
@@ -67,6 +95,34 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
              "-%smodes_local, LatinSetModes(): The threshold of local modes is %g; it is a positive number (0: none, -2: automatic)", LatinPrefix(&latin->sub)[0] ? LatinPrefix(&latin->sub) : "{snes,pc,ksp}_latin_", (double)threshold);
   LatinChange(latin, macro.type, type);
   LatinChange(latin, spectral.threshold, threshold);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinGetModes - Gets the macro fields of strong interfaces, and the threshold of local low-energy fields.
+
+  Not collective
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameters:
++ type      - affine fields, the default, or rigid motions
+- threshold - eigenvalue, relative to the search direction; 0: none; PETSC_DEFAULT, the default: automatic
+
+  Level: intermediate
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinSetModes()`
+@*/
+PetscErrorCode LatinGetModes(Latin latin, LatinModesType *type, PetscReal *threshold)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  if (type) *type = latin->macro.type;
+  if (threshold) *threshold = latin->spectral.threshold;
   PetscFunctionReturn(0);
 }
 
@@ -85,6 +141,8 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 - -snes_latin_direction_value <value>
 
   Level: intermediate
+
+.seealso: `LatinGetDirection()`
 @*/
 PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal value)
 {
@@ -104,6 +162,34 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 }
 
 /*@
+  LatinGetDirection - Gets the micro search direction of the interfaces.
+
+  Not collective
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameters:
++ type  - as set, by default `LATIN_DIRECTION_SCHUR`, of a PC `LATIN_DIRECTION_AUTO`
+- value - as set; 0, the default: automatic
+
+  Level: intermediate
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinSetDirection()`, `LatinGetStatistics()`
+@*/
+PetscErrorCode LatinGetDirection(Latin latin, LatinDirectionType *type, PetscReal *value)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  if (type) *type = latin->dir.type;
+  if (value) *value = latin->dir.value;
+  PetscFunctionReturn(0);
+}
+
+/*@
   LatinSetPrecision - Sets the precision of the factors of variant primal of SNES latin. A linear stage solves for the increment of
   the displacements, and so corrects the rounding errors of the last one (iterative refinement). A factor in single precision
   takes half the memory and time. The set-up tests its accuracy, and factors in double precision if it is too low.
@@ -118,6 +204,8 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 . -snes_latin_precision <double,single,auto> - auto: single precision for factors larger than a cache
 
   Level: advanced
+
+.seealso: `LatinGetPrecision()`
 @*/
 PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
 {
@@ -125,6 +213,30 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinPrecisions, (int)precision));
   LatinChange(latin, precision, precision);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinGetPrecision - Gets the precision of the factors of variant primal.
+
+  Not collective
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameter:
+. precision - as set, by default `LATIN_PRECISION_AUTO` of a SNES, `LATIN_PRECISION_DOUBLE` of a KSP or PC
+
+  Level: advanced
+
+.seealso: `LatinSetPrecision()`
+@*/
+PetscErrorCode LatinGetPrecision(Latin latin, LatinPrecision *precision)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscAssertPointer(precision, 2);
+  *precision = latin->precision;
   PetscFunctionReturn(0);
 }
 
@@ -169,18 +281,51 @@ PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
   An `IS` of the same numbers, composed on the DM of the structure by `PetscObjectCompose()` under the name "subdomains", is the
   default partition of all solvers.
 
-.seealso: `LatinSetSubdomains()`
+.seealso: `LatinSetSubdomains()`, `LatinGetPartition()`
 @*/
 PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt subdomain[])
 {
+  PetscInt *given = NULL;
+
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCheck(!subdomain || links >= 0, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The partition is of %" PetscInt_FMT " links; a number of links is not negative", links);
+  if (subdomain) {
+    PetscCall(PetscMalloc1(links + 1, &given)); /* + 1: not NULL on a rank without links */
+    PetscCall(PetscArraycpy(given, subdomain, links));
+  }
+  PetscCall(PetscFree(latin->partition.given)); /* after the copy: subdomain may be the array of LatinGetPartition() */
   latin->stale           = PETSC_TRUE;
   latin->partition.links = subdomain ? links : 0;
-  PetscCall(PetscFree(latin->partition.given));
-  if (subdomain) PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* + 1: not NULL on a rank without links */
-  PetscCall(PetscArraycpy(latin->partition.given, subdomain, latin->partition.links));
+  latin->partition.given = given;
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinGetPartition - Gets the subdomain of each link of this rank, as set.
+
+  Not collective; the array is borrowed
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameters:
++ links     - links of this rank; 0 without a partition
+- subdomain - [links] subdomain of each link; NULL without a partition
+
+  Level: intermediate
+
+  Notes:
+  Pass NULL for what is not needed. `LatinGetSubdomainOfLinks()` gets the partition in use, also one of METIS.
+
+.seealso: `LatinSetPartition()`, `LatinGetSubdomainOfLinks()`
+@*/
+PetscErrorCode LatinGetPartition(Latin latin, PetscInt *links, const PetscInt *subdomain[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  if (links) *links = latin->partition.links;
+  if (subdomain) *subdomain = latin->partition.given;
   PetscFunctionReturn(0);
 }
 
@@ -203,7 +348,7 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   metis gathers all links on one rank. parallel, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, moves no links, and makes
   connected subdomains. auto is metis on one rank, for few links, and if PETSc has no parallel partitioner; else parallel.
 
-.seealso: `LatinSetSubdomains()`, `LatinSetPartition()`
+.seealso: `LatinSetSubdomains()`, `LatinSetPartition()`, `LatinGetPartitioner()`
 @*/
 PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
 {
@@ -211,6 +356,30 @@ PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   PetscCall(LatinCheckChoice_Private((PetscObject)latin, LatinPartitioners, (int)partitioner));
   LatinChange(latin, partition.partitioner, partitioner);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinGetPartitioner - Gets the partitioner of a structure.
+
+  Not collective
+
+  Input Parameter:
+. latin - of a solver
+
+  Output Parameter:
+. partitioner - as set, `LATIN_PARTITIONER_AUTO` by default
+
+  Level: advanced
+
+.seealso: `LatinSetPartitioner()`
+@*/
+PetscErrorCode LatinGetPartitioner(Latin latin, LatinPartitioner *partitioner)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscAssertPointer(partitioner, 2);
+  *partitioner = latin->partition.partitioner;
   PetscFunctionReturn(0);
 }
 

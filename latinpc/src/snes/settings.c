@@ -1,6 +1,6 @@
 #include "snes/sneslatinimpl.h"
 
-/* Settings of SNES latin */
+/* Settings of SNES latin: setters and getters */
 
 const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "auto", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const LatinWarmStarts[]  = {"none", "last", "extrapolate", "LatinWarmStart", "LATIN_WARM_START_", NULL};
@@ -38,7 +38,7 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
   Note:
   A test given to `SNESSetConvergenceTest()` replaces all of them.
 
-.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinSetReference()`
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinSetReference()`, `SNESLatinGetStop()`
 @*/
 PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 {
@@ -51,6 +51,30 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
   data->requested       = stop;
   data->stop            = stop == LATIN_STOP_AUTO ? LATIN_STOP_ERROR : stop;
   data->estimate.energy = (PetscBool)(stop == LATIN_STOP_ENERGY);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetStop - Gets the convergence criterion.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. stop - as set, `LATIN_STOP_AUTO` by default; after `SNESLatinSetError()` `LATIN_STOP_ERROR` in its place
+
+  Level: beginner
+
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`
+@*/
+PetscErrorCode SNESLatinGetStop(SNES snes, LatinStopType *stop)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(stop, 2);
+  *stop = ((SNES_Latin *)snes->data)->requested;
   PetscFunctionReturn(0);
 }
 
@@ -68,7 +92,7 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 
   Level: beginner
 
-.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinGetEstimates()`
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinGetEstimates()`, `SNESLatinGetError()`
 @*/
 PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
 {
@@ -82,6 +106,30 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   if (data->requested == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* also with a step tolerance */
   data->target = error;
   data->chosen = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetError - Gets the estimated error to stop at with `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY`.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. error - relative error of the displacements, 1e-4 by default, 1e-8 in motions with large displacements
+
+  Level: beginner
+
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode SNESLatinGetError(SNES snes, PetscReal *error)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(error, 2);
+  *error = ((SNES_Latin *)snes->data)->target;
   PetscFunctionReturn(0);
 }
 
@@ -102,7 +150,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   Note:
   Applies under the conditions of `SNESLatinSetBalance()`, and so not in the time steps of a motion.
 
-.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionEstimate()`
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionEstimate()`, `SNESLatinGetTensionError()`
 @*/
 PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
 {
@@ -112,6 +160,30 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
   PetscCheck((error > 0.0 && !PetscIsInfOrNanReal(error)) || error == (PetscReal)PETSC_DEFAULT, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "-snes_latin_tension_error is a relative error, positive and finite, for example 1e-3, not %g", (double)error);
   ((SNES_Latin *)snes->data)->tension_target = error;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetTensionError - Gets the estimated error of the tensions to stop at.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. error - relative error of the tensions, by default that of `SNESLatinGetError()`
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetTensionError()`, `SNESLatinGetTensionEstimate()`
+@*/
+PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(error, 2);
+  *error = SNESLatinTensionTarget((SNES_Latin *)snes->data);
   PetscFunctionReturn(0);
 }
 
@@ -133,7 +205,7 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
   Applies to the stops auto, error and energy, and not to the time steps of a motion. With auto and a step tolerance the option is an
   error, and the value has no effect. An unbalance that is rounding is accepted.
 
-.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`, `SNESLatinSetLargestUnbalance()`
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`, `SNESLatinSetLargestUnbalance()`, `SNESLatinGetBalance()`
 @*/
 PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
@@ -143,6 +215,30 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the largest unbalance relative to the loads, positive and finite, for example 1e-2, not %g",
              (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetBalance - Gets the largest unbalanced forces at convergence.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. balance - nodal unbalance relative to the loads, 1e-2 by default
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetBalance()`, `LatinGetDigits()`
+@*/
+PetscErrorCode SNESLatinGetBalance(SNES snes, PetscReal *balance)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(balance, 2);
+  *balance = ((SNES_Latin *)snes->data)->balance;
   PetscFunctionReturn(0);
 }
 
@@ -164,7 +260,7 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   The bound is applied to the l2 norm over all nodes. An unbalance that is rounding is accepted. An error with other stops than auto, error
   and energy, with a step tolerance and auto, and in the time steps of motions: these do not test the balance.
 
-.seealso: `SNESLATIN`, `SNESLatinSetBalance()`
+.seealso: `SNESLATIN`, `SNESLatinSetBalance()`, `SNESLatinGetLargestUnbalance()`
 @*/
 PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
 {
@@ -174,6 +270,30 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
   PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_largest_unbalance is the largest unbalanced force on a node, for example 1 (N), or 0 for any, not %g",
              (double)force);
   ((SNES_Latin *)snes->data)->unbalance = force;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetLargestUnbalance - Gets the largest unbalanced force on a node at convergence.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. force - bound on the unbalanced force of each node; 0, the default: any
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetLargestUnbalance()`
+@*/
+PetscErrorCode SNESLatinGetLargestUnbalance(SNES snes, PetscReal *force)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(force, 2);
+  *force = ((SNES_Latin *)snes->data)->unbalance;
   PetscFunctionReturn(0);
 }
 
@@ -198,7 +318,7 @@ PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
   for structures of up to 3,000 unknowns from the tangent stiffness. Rigid links are treated by the method of multipliers, which
   proves no error. Contacts with friction have a nonsymmetric tangent stiffness: GMRES replaces CG.
 
-.seealso: `SNESLATIN`
+.seealso: `SNESLATIN`, `SNESLatinGetNewton()`
 @*/
 PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 {
@@ -206,6 +326,30 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinNewtonTypes, (int)type));
   ((SNES_Latin *)snes->data)->newton.type = type;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetNewton - Gets when Newton's method takes over from the iteration.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. type - `LATIN_NEWTON_AUTO`, the default, or `LATIN_NEWTON_NEVER`
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetNewton()`
+@*/
+PetscErrorCode SNESLatinGetNewton(SNES snes, LatinNewtonType *type)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(type, 2);
+  *type = ((SNES_Latin *)snes->data)->newton.type;
   PetscFunctionReturn(0);
 }
 
@@ -220,7 +364,7 @@ PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
 
   Level: intermediate
 
-.seealso: `SNESLatinGetHistory()`, `SNESLatinSetStop()`
+.seealso: `SNESLatinGetHistory()`, `SNESLatinSetStop()`, `SNESLatinGetReference()`
 @*/
 PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
 {
@@ -235,6 +379,30 @@ PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
   if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
   PetscCall(VecDestroy(&data->reference));
   data->reference = reference;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetReference - Gets the reference displacements.
+
+  Not collective; the reference is borrowed
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. reference - a DM global vector, or NULL, the default
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetReference()`
+@*/
+PetscErrorCode SNESLatinGetReference(SNES snes, Vec *reference)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(reference, 2);
+  *reference = ((SNES_Latin *)snes->data)->reference;
   PetscFunctionReturn(0);
 }
 
@@ -254,7 +422,7 @@ PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
 
   Level: intermediate
 
-.seealso: `SNESLATIN`
+.seealso: `SNESLATIN`, `SNESLatinGetWarmStart()`
 @*/
 PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
 {
@@ -262,5 +430,29 @@ PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinWarmStarts, (int)warm));
   ((SNES_Latin *)snes->data)->warm = warm;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetWarmStart - Gets the initial state of a solve after a converged one.
+
+  Not collective
+
+  Input Parameter:
+. snes - of type latin
+
+  Output Parameter:
+. warm - as set, `LATIN_WARM_START_NONE` by default
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`, `SNESLatinSetWarmStart()`
+@*/
+PetscErrorCode SNESLatinGetWarmStart(SNES snes, LatinWarmStart *warm)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscAssertPointer(warm, 2);
+  *warm = ((SNES_Latin *)snes->data)->warm;
   PetscFunctionReturn(0);
 }

@@ -12,6 +12,8 @@
 - e0        - [links_local] lengths, or NULL for zero
 
   Level: intermediate
+
+.seealso: `LatinStructureGetLaws()`
 @*/
 PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, const PetscReal e0[])
 {
@@ -38,6 +40,8 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
 
   Note:
   T is any force for bars, >= 0 for cables, <= 0 for compression-only links, 0 for other laws.
+
+.seealso: `LatinStructureGetLaws()`
 @*/
 PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscReal prestress[])
 {
@@ -95,6 +99,8 @@ static PetscErrorCode LatinStructurePrescribe_Private(LatinStructure structure, 
 - prescribed - [nodes_local][dim] prescribed displacements, lengths, or NULL for zero
 
   Level: beginner
+
+.seealso: `LatinStructureGetSupports()`
 @*/
 PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
 {
@@ -108,6 +114,37 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 }
 
 /*@C
+  LatinStructureGetSupports - Gets which displacement components of the nodes of this rank are prescribed, and their displacements.
+
+  Not collective; the arrays are borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n          - length of the arrays: dim times the number of nodes of this rank
+. fixed      - [nodes_local][dim] whether a component is prescribed; by default none is
+- prescribed - [nodes_local][dim] prescribed displacements, lengths; zero where the displacement is free
+
+  Level: beginner
+
+  Notes:
+  Pass NULL for what is not needed. Displacements are those of the last call of `LatinStructureSetSupports()` or
+  `LatinStructureSetPrescribed()`; during a solve with large displacements a part of them.
+
+.seealso: `LatinStructureSetSupports()`, `LatinStructureSetPrescribed()`
+@*/
+PetscErrorCode LatinStructureGetSupports(LatinStructure structure, PetscInt *n, const PetscBool *fixed[], const PetscReal *prescribed[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->dim * structure->nodes_local;
+  if (fixed) *fixed = structure->fixed;
+  if (prescribed) *prescribed = structure->prescribed;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   LatinStructureSetPrescribed - Changes the displacements prescribed by `LatinStructureSetSupports()`, for settlements and moving supports.
 
   Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
@@ -116,6 +153,8 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 . prescribed - [nodes_local][dim] lengths, ignored where the displacement is free, or NULL for zero
 
   Level: intermediate
+
+.seealso: `LatinStructureGetSupports()`
 @*/
 PetscErrorCode LatinStructureSetPrescribed(LatinStructure structure, const PetscReal prescribed[])
 {
@@ -138,6 +177,8 @@ PetscErrorCode LatinStructureSetPrescribed(LatinStructure structure, const Petsc
 
   Note:
   They are ignored where the displacement is prescribed.
+
+.seealso: `LatinStructureGetLoads()`
 @*/
 PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal force[])
 {
@@ -147,5 +188,33 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
   PetscCall(PetscArraycpy(structure->force, force, structure->nodes_local * structure->dim));
   structure->load_state++;
   if (structure->set_up) PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetLoads - Gets the external forces on the nodes of this rank.
+
+  Not collective; the array is borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n     - length of the array: dim times the number of nodes of this rank
+- force - [nodes_local][dim] forces F; zero by default
+
+  Level: beginner
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinStructureSetLoads()`
+@*/
+PetscErrorCode LatinStructureGetLoads(LatinStructure structure, PetscInt *n, const PetscReal *force[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->dim * structure->nodes_local;
+  if (force) *force = structure->force;
   PetscFunctionReturn(0);
 }

@@ -195,6 +195,8 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
   a contact e0 is the gap
 
   Level: beginner
+
+.seealso: `LatinStructureGetLaws()`
 @*/
 PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
@@ -237,6 +239,39 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
 }
 
 /*@C
+  LatinStructureGetLaws - Gets the constitutive laws of the links of this rank.
+
+  Not collective; the arrays are borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n         - number of links of this rank
+. law       - [n] `LatinLawType`, or number of a registered law
+. stiffness - [n] k, force/length; 0 before `LatinStructureSetLaws()`; of a rigid law the search parameter, 0: automatic
+- e0        - [n] initial elongations, lengths
+
+  Level: beginner
+
+  Notes:
+  Pass NULL for what is not needed. A table set with stiffness 0 has its own stiffness. Initial elongations are those of the last call of
+  `LatinStructureSetLaws()`, `LatinStructureSetInitialElongations()` or `LatinStructureSetPrestress()`.
+
+.seealso: `LatinStructureSetLaws()`, `LatinStructureSetInitialElongations()`, `LatinStructureSetPrestress()`
+@*/
+PetscErrorCode LatinStructureGetLaws(LatinStructure structure, PetscInt *n, const PetscInt *law[], const PetscReal *stiffness[], const PetscReal *e0[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->links_local;
+  if (law) *law = structure->law;
+  if (stiffness) *stiffness = structure->stiffness;
+  if (e0) *e0 = structure->e0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   LatinStructureSetDirections - Sets directions of links, [links_local][dim], other than from their first to their second node.
 
   Collective on structure; before `LatinStructureSetUp()`
@@ -251,18 +286,52 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   The elongation of a link is the displacement of its second node along its direction, minus that of the first one.
   Directions may have any length. They are for contacts of nodes at the same point, tangential parts of contacts, and the
   transverse stiffness of taut cables.
+
+.seealso: `LatinStructureGetDirections()`
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
-  PetscInt dim;
+  PetscInt   dim;
+  PetscReal *given;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   dim = structure->dim;
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
+  PetscCall(PetscMalloc1(dim * structure->links_local, &given));
+  PetscCall(PetscArraycpy(given, direction, dim * structure->links_local)); /* it may be the array of LatinStructureGetDirections() */
   PetscCall(LatinStructureDirections_Private(structure));
-  for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
+  for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, given + dim * l, structure->direction + dim * l);
+  PetscCall(PetscFree(given));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetDirections - Gets the directions of the links of this rank.
+
+  Not collective; the array is borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n         - length of the array: dim times the number of links of this rank
+- direction - [links_local][dim] unit vectors; zero if the nodes are at the same point and no direction is set
+
+  Level: intermediate
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinStructureSetDirections()`
+@*/
+PetscErrorCode LatinStructureGetDirections(LatinStructure structure, PetscInt *n, const PetscReal *direction[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->dim * structure->links_local;
+  if (direction) *direction = structure->direction;
   PetscFunctionReturn(0);
 }
 
@@ -276,6 +345,8 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 - coefficient - [links_local] Coulomb coefficients, not negative; used at links of law friction only
 
   Level: intermediate
+
+.seealso: `LatinStructureGetFriction()`
 @*/
 PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscReal coefficient[])
 {
@@ -283,7 +354,35 @@ PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscRe
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Coefficients of friction must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, 1, coefficient, PETSC_FALSE, "a coefficient of friction"));
-  if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local, &structure->friction));
+  if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->friction)); /* + 1: not NULL on a rank without links */
   PetscCall(PetscArraycpy(structure->friction, coefficient, structure->links_local));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetFriction - Gets the coefficients of friction of the contacts of this rank.
+
+  Not collective; the array is borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n           - number of links of this rank; 0 if no coefficients are set
+- coefficient - [n] Coulomb coefficients; NULL if none are set
+
+  Level: intermediate
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinStructureSetFriction()`
+@*/
+PetscErrorCode LatinStructureGetFriction(LatinStructure structure, PetscInt *n, const PetscReal *coefficient[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->friction ? structure->links_local : 0;
+  if (coefficient) *coefficient = structure->friction;
   PetscFunctionReturn(0);
 }

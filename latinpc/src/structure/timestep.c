@@ -34,7 +34,7 @@
   Masses are lumped (section 2.2): add half the mass of each link to each of its nodes. A node may have zero mass if
   links to nodes with mass hold it. A free node without links needs a mass before `LatinStructureSetUp()`.
 
-.seealso: `LatinStructureAttachTS()`, `TSLATIN`
+.seealso: `LatinStructureAttachTS()`, `TSLATIN`, `LatinStructureGetMass()`
 @*/
 PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal mass[])
 {
@@ -51,6 +51,34 @@ PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal m
   PetscCall(PetscArraycpy(structure->mass, mass, structure->nodes_local));
   PetscCall(VecDestroy(&structure->inertia));
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetMass - Gets the masses of the nodes of this rank.
+
+  Not collective; the array is borrowed, read-only
+
+  Input Parameter:
+. structure - the structure
+
+  Output Parameters:
++ n    - number of nodes of this rank; 0 if no masses are set
+- mass - [n] masses; NULL if none are set
+
+  Level: beginner
+
+  Note:
+  Pass NULL for what is not needed.
+
+.seealso: `LatinStructureSetMass()`
+@*/
+PetscErrorCode LatinStructureGetMass(LatinStructure structure, PetscInt *n, const PetscReal *mass[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (n) *n = structure->mass ? structure->nodes_local : 0;
+  if (mass) *mass = structure->mass;
   PetscFunctionReturn(0);
 }
 
