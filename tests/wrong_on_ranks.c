@@ -1,5 +1,6 @@
 /* A chain of two bars a rank, held at its start, with a mistake that -wrong names: on all ranks, or on rank -on alone */
 #include <latinpc.h>
+#include <petscdm.h>
 
 int main(int argc, char **argv)
 {
