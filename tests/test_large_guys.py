@@ -52,3 +52,44 @@ def test_footbridges_whose_wind_guys_slacken():
                 least, *_, most = np.linalg.eigvalsh(np.asarray(equations.tangent(u), float))
                 assert least > -1e-12 * most  # zero at nodes that are free
     assert refused <= REFUSED
+
+
+def girder(panels, dim, push):
+    """Two cables, the upper one sagging, the lower one hogging, and struts between them; loads of `push` (N) above."""
+    x = np.linspace(-1.0, 1.0, panels + 1)
+    upper, lower, tension = 0.2 * x**2, -0.5 - 0.2 * x**2, 100.0
+    nodes = np.zeros((2 * (panels + 1), dim))
+    nodes[:, 0], nodes[:, -1] = np.tile(x, 2), np.concatenate([upper, lower])
+    first, step = np.arange(panels), 2.0 / panels
+    inner = np.arange(1, panels)
+    links = [*np.stack([first, first + 1], 1), *np.stack([first, first + 1], 1) + panels + 1]
+    links = np.array([*links, *np.stack([inner, inner + panels + 1], 1)])
+    rise = np.diff(upper) / step
+    pull = tension * np.hypot(1.0, rise)  # the horizontal part is the tension in each of them
+    between = tension * np.diff(rise)
+    fixed, load = np.zeros(nodes.shape, bool), np.zeros(nodes.shape)
+    fixed[[0, panels, panels + 1, 2 * panels + 1]] = True
+    load[inner, -1] = -push
+    return latinpc.Structure(
+        nodes, links, ["cable"] * 2 * panels + ["bar"] * (panels - 1), np.repeat([1e5, 1e6], [2 * panels, panels - 1]),
+        prestress=np.concatenate([pull, pull, between]), fixed=fixed, load=load, geometry="large",
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("panels", [2, 3, 6])
+@pytest.mark.parametrize("push", [10.0, 100.0, 1000.0])
+def test_struts_hang_where_the_cable_below_slackens(panels, dim, push):
+    """Their lower ends rest anywhere: the upper cable bears the loads alone."""
+    whole = girder(panels, dim, push)
+    found = whole.solve(error=1e-8)
+    assert found.converged
+    if push > 10.0:
+        assert found.tensions[panels : 2 * panels] == pytest.approx(0.0, abs=1e-6 * push)
+        alone = latinpc.Structure(
+            whole.nodes[: panels + 1], whole.links[:panels], "cable", whole.stiffness[:panels],
+            initial_elongation=whole.initial_elongation[:panels], fixed=whole.fixed[: panels + 1],
+            load=whole.load[: panels + 1], geometry="large",
+        ).solve(error=1e-8)  # fmt: skip
+        assert found.tensions[:panels] == pytest.approx(alone.tensions, rel=1e-6)
