@@ -93,3 +93,5 @@ def test_struts_hang_where_the_cable_below_slackens(panels, dim, push):
             load=whole.load[: panels + 1], geometry="large",
         ).solve(error=1e-8)  # fmt: skip
         assert found.tensions[:panels] == pytest.approx(alone.tensions, rel=1e-6)
+        [told] = [notice for notice in found.notices if "free in some direction" in notice]
+        assert str(panels + 1 + panels // 2) in told

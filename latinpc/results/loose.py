@@ -21,6 +21,7 @@ __all__ = ["loose"]
 MARGIN = 1e-2  # of the largest displacement: who may move less is held
 ROUNDED = 64 * np.finfo(float).eps  # of the structure: displacements below the rounding of coordinates
 NAMED = 5
+FORCELESS = 1e-8  # of the largest tension: rounding
 SINGULAR = 1e-12  # least eigenvalue of the sum of n n^t: links at less than a millionth of a radian count as one
 
 
@@ -29,7 +30,8 @@ def loose(result: Result) -> list[str]:
 
     A link holds a node if its tension changes within `MARGIN` of its elongation, a rigid one also if it bears. A node
     is named if no link holds it in some direction while all others stay where they are; nodes that can move only
-    together are not found. With large displacements a taut link that turns holds in all directions.
+    together are not found. With large displacements a taut link that turns holds in all directions, but a single bar
+    without force, as a strut between slack cables, along itself only.
     """
     structure, over = result.structure, result.structure.over_ranks
     if structure.geometry == "prestress" or not result.converged:
@@ -45,7 +47,11 @@ def loose(result: Result) -> list[str]:
     else:
         holds = _holds(structure, elongation, margin) | (np.isin(structure.law, RIGID) & ~result.slack)
     nodes = np.flatnonzero(_touched(structure, ~holds) & ~structure.fixed[: over.own].all(axis=1))
-    free = nodes[_free(structure, holds, nodes)]
+    force = np.abs(result.tensions)
+    bears = force > FORCELESS * over.largest(force.max(initial=0.0))
+    turns = large & holds & ~keeps_direction(structure)
+    ends = np.bincount(structure.links[turns & ~bears].ravel(), minlength=len(structure.nodes))
+    free = nodes[_free(structure, holds, turns & bears, nodes) & (over.collect(ends.astype(float))[nodes] <= 1.0)]
     free = over.node_numbers(free, NAMED + 1)
     if not (large or most) or not len(free):
         return []
@@ -80,8 +86,8 @@ def _holds(structure, elongation, margin):
     return np.where(rigid, reached | np.isin(law, (Law.FRICTION, Law.TANGENT)), holds)
 
 
-def _free(structure, holds, nodes):
-    """Return of nodes whether the links that hold leave a direction of their free components in which they can move."""
+def _free(structure, holds, across, nodes):
+    """Return of nodes whether the links that hold, some also `across`, leave a direction in which they can move."""
     dim, over = structure.nodes.shape[1], structure.over_ranks
     asked = np.zeros(len(structure.nodes[: over.own]), bool)
     asked[nodes] = True
@@ -89,7 +95,7 @@ def _free(structure, holds, nodes):
     place = np.full(len(structure.nodes), -1)
     place[here] = np.arange(len(here))
     whole = np.zeros((len(structure.nodes), dim, dim))
-    whole[here] = _held(structure, holds, place, len(here))
+    whole[here] = _held(structure, holds, across, place, len(here))
     held = over.collect(whole)[nodes]
     fixed = structure.fixed[nodes]
     held[fixed] = 0.0
@@ -98,12 +104,11 @@ def _free(structure, holds, nodes):
     return np.linalg.eigvalsh(held)[:, 0] < SINGULAR if len(nodes) else np.zeros(0, bool)
 
 
-def _held(structure, holds, place, count):
-    """Return the sums of n n^t, or of 1 where they turn, of links that hold at nodes with a place from 0 on."""
+def _held(structure, holds, across, place, count):
+    """Return the sums of n n^t, or of 1 where they hold across, of links that hold at nodes with a place from 0 on."""
     dim, normals = structure.nodes.shape[1], structure.directions[holds]
     along = normals[:, :, None] * normals[:, None, :]
-    if structure.geometry == "large":
-        along[~keeps_direction(structure)[holds]] = np.eye(dim)
+    along[across[holds]] = np.eye(dim)
     held = np.zeros((count, dim, dim))
     for end in structure.links[holds].T:
         here, at = place[end] >= 0, place[end]
