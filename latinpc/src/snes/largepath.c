@@ -8,7 +8,7 @@
    The first target is the whole path. For each target:
 
    1. Prediction (LatinPathFar_Private): if the first step of Newton's method, taken from the prediction of the tangent stiffness, is many
-      times as long as that prediction, the increment is halved without a solve.
+      times as long as that prediction, the increment is halved without a solve. One as long as the last one is solved for.
    2. Solution (LatinPathSolve_Private): Newton's method. It takes a few steps on a smooth path and fails if many cables change. Then the
       interior-point method takes over, which needs as many steps for a large increment as for a small one. From then on the largest
       increments are solved first, and Newton's method is not repeated from the same equilibrium for larger increments than one at which it
@@ -248,8 +248,8 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;
-  if (path->far == 0.0) PetscFunctionReturn(0);                           /* the path has started under the whole loads */
-  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens the prediction is too large for any increment */
+  if (path->far == 0.0) PetscFunctionReturn(0);                                                                                      /* the path has started under the whole loads */
+  if (path->kinks || more <= PetscMax(LATIN_PATH_STIFFENS, (1.0 + PETSC_SQRT_MACHINE_EPSILON) * path->last)) PetscFunctionReturn(0); /* just before a cable tightens the prediction is too large for any increment */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
   /* PETSC_MAX_REAL: forces on nodes that slack links leave free, which go along where these tighten */
@@ -372,6 +372,7 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);
     else {
+      path->last     = more;
       large->reached = target->part;
       PetscCall(LatinPathReached_Private(path));
     }
