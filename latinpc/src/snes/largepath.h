@@ -62,6 +62,8 @@ PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool
 /* snes/largekinks.c */
 PETSC_INTERN PetscErrorCode LatinPathStiffer_Private(LatinStructure, const PetscReal a[], const PetscReal b[], PetscBool *stiffer);
 PETSC_INTERN PetscErrorCode LatinPathTightens_Private(SNES, Vec u, Vec v, PetscBool *tightens);
+/* snes/largecompare.c */
+PETSC_INTERN PetscErrorCode LatinPathCompare_Private(SNES, LatinPath *, LatinPathTarget *, PetscReal *smaller);
 /* snes/largepanels.c */
 PETSC_INTERN PetscErrorCode LatinPathPanels_Private(SNES, LatinPath *, PetscBool *goes);
 /* snes/largebranch.c */
