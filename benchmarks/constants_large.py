@@ -237,7 +237,7 @@ LARGE = {
     "LATIN_BRANCH_LESS": ("times less", "Displacements are a quarter, or half: well apart from each other and from 1."),
     "LATIN_BRANCH_NEARER": ("ratio", "Between 1/2, of what buckles and bears more, and 1, of what snaps through."),
     "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
-    "LATIN_PATH_DISTURBS": (
+    "LATIN_BRANCH_DISTURB": (
         "of the size",
         "Forces of this far along the mode are above the balance of a descent; displacements ahead alone, of a strut"
         " that is stiff along its path, are not.",
@@ -308,7 +308,7 @@ LARGE = {
     "LATIN_PATH_SMALL": (
         "of the loads",
         "Of 92 tents whose tensions as drawn are not in balance 13 are refused with 1e-4, 8 with 1e-5, 5 with 1e-6, "
-        "none with 1e-7.",
+        "none with 1e-7 and 1e-8.",
     ),
     "LATIN_PATH_STAGES": (
         "linear stages",

@@ -233,9 +233,9 @@ static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec
 }
 
 /*
-   Sets descent->unit to the strain energy at x, or if larger, to the energy of the displacements that the current loads cause where the mean stiffness holds
-   each node. So the energies that TAO compares are near 1 for small loads as well: in another unit they would be below its rounding, and each step would be
-   accepted. Collective on descent->structure
+   Sets descent->unit to the strain energy at x, or to that of the current loads if the mean stiffness held each node, whichever is larger. TAO accepts
+   each step that changes the energy by less than 1e-13: in a unit that does not depend on the loads, each step under small ones. Collective on
+   descent->structure
 */
 static PetscErrorCode LatinDescentUnit_Private(LatinDescent *descent, Vec x)
 {

@@ -10,7 +10,6 @@
 #define LATIN_PATH_STIFFENS 1e-3 /* part of the path: in smaller increments a structure may stiffen at once, as where a cable tightens */
 #define LATIN_PATH_LEAST    1e-4 /* part of the path: the least increment. If it fails, the path has met a limit point */
 #define LATIN_PATH_SMALL    1e-8 /* part of the path: the same where the structure stiffens on the way */
-#define LATIN_PATH_DISTURBS 1e-6 /* disturbance of a state that a descent leaves, relative to the size */
 #define LATIN_PATH_TARGETS  32   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_SMALL */
 
 /*
