@@ -214,10 +214,6 @@ OTHERS = {
         "of the metric",
         "With 1e-8 bars and taut cables that work together are met slowly: a network of 19,000 unknowns takes no end.",
     ),
-    "LATIN_COLLAPSE_REGULARISATION_GROWS": (
-        "ratio",
-        "With 1e-10 alone 9 of 3,000 random structures are a mechanism to rounding, with 1e-8 none.",
-    ),
     "LATIN_COLLAPSE_ROUNDING": ("eps", "The displacements of both ends, in three components, and their differences."),
     "LATIN_COLLAPSE_TENSION": (
         "tensions of bars",

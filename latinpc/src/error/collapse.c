@@ -16,8 +16,7 @@
 
 #define LATIN_COLLAPSE_STEPS 60 /* most steps */
 /* initial compliance of links that resist, relative to the reference structure; at 100 times as much some large networks do not converge */
-#define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4)
-#define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0 /* factor on it after a failed solve: the operator is singular to rounding */
+#define LATIN_COLLAPSE_REGULARISATION LatinByPrecision(1e-10, 1e-4)
 /* initial tensions and elongations at bounds, relative to the reference tensions; with smaller ones steps are short */
 #define LATIN_COLLAPSE_START    10.0
 #define LATIN_COLLAPSE_ROUNDING 8.0 /* times eps and the largest displacement: rounding of an elongation */
@@ -90,6 +89,7 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most
   PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
 
   PetscFunctionBegin;
+  c->softest        = 1.0;
   c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
   c->mean = PetscSqr(LATIN_COLLAPSE_START) / c->structure->links_global;
@@ -97,7 +97,6 @@ static PetscErrorCode LatinCollapseRun_Private(LatinPrimalDual *c, PetscInt most
     PetscCall(LatinPrimalDualIterate_Private(c, &failed));
     ++*steps;
     if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
-    else failed = (PetscBool)((c->regularisation *= LATIN_COLLAPSE_REGULARISATION_GROWS) >= 1.0);
   }
   if (proof) PetscCall(LatinEquilibriumMoved_Private(c->structure, c->d, found));
   for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = c->t[l] / c->scale;

@@ -208,6 +208,7 @@ typedef struct {
   PetscReal      scale;          /* factor on the loads */
   PetscReal      reference;      /* R */
   PetscReal      regularisation; /* initial compliance of links that resist, besides c */
+  PetscReal      softest;        /* bound on it after failed solves */
   PetscReal      floor;          /* least W in A */
   PetscReal      unbalance;      /* unbalance relative to the initial one */
   PetscReal      length;         /* length of the last step */

@@ -10,11 +10,13 @@
    factorisation of B^t (R + W) B with W > 0 and two solves: no link delays the others, and no node is loose. Tensions are regularised [M. P.
    Friedlander, D. Orban], which bounds W and does not change the solution.
 
-   A step (LatinPrimalDualIterate_Private): weights W; operator; predictor step and the mean product to aim at; corrector step; its length.
+   A step (LatinPrimalDualIterate_Private): weights W; operator; predictor step and the mean product to aim at; corrector step; its length. If a solve fails,
+   tensions are regularised more.
 */
 
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
 #define LATIN_PRIMAL_DUAL_POWER  3     /* exponent of the reduction of the mean product by the predictor step, at which the corrector step aims */
+#define LATIN_PRIMAL_DUAL_GROWS  100.0 /* growth of the regularisation after a failed solve */
 #define LATIN_SLIP_LENGTH        0.95  /* step length with friction, where the path bends, unless the mean product falls by more in the step */
 #define LATIN_SLIP_POWER         1     /* exponent with friction, except after a lift */
 
@@ -250,16 +252,29 @@ static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* Takes an interior-point step: weights W, predictor, corrector; updates d, t, s, y, x and the mean complementarity product. Collective */
+/* Computes the next step: weights W, predictor, corrector. Collective */
+static PetscErrorCode LatinPrimalDualDirection_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
+{
+  PetscFunctionBegin;
+  LatinPrimalDualWeights(c);
+  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_TRUE));
+  PetscCall(LatinPrimalDualPredict_Private(c, aim, failed));
+  if (!*failed) PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, *aim, failed));
+  PetscFunctionReturn(0);
+}
+
+/* Takes an interior-point step: updates d, t, s, y, x and the mean complementarity product. Collective */
 PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *failed)
 {
   PetscReal aim, back = LATIN_PRIMAL_DUAL_LENGTH;
 
   PetscFunctionBegin;
-  LatinPrimalDualWeights(c);
-  PetscCall(LatinPrimalDualOperator_Private(c, PETSC_TRUE));
-  PetscCall(LatinPrimalDualPredict_Private(c, &aim, failed));
-  if (!*failed) PetscCall(LatinPrimalDualStep_Private(c, PETSC_TRUE, aim, failed));
+  PetscCall(LatinPrimalDualDirection_Private(c, &aim, failed));
+  while (*failed && c->regularisation < c->softest) { /* the operator is singular to rounding */
+    *failed = PETSC_FALSE;
+    c->regularisation *= LATIN_PRIMAL_DUAL_GROWS;
+    PetscCall(LatinPrimalDualDirection_Private(c, &aim, failed));
+  }
   if (*failed) PetscFunctionReturn(0);
   if (c->structure->rubs) back = PetscMin(back, PetscMax(LATIN_SLIP_LENGTH, 1.0 - aim / c->mean));
   PetscCall(LatinPrimalDualLength_Private(c, back, &c->length));

@@ -10,7 +10,7 @@
 */
 
 #define LATIN_CONVEX_STEPS          100                          /* most steps */
-#define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-5, 1e-3) /* compliance of rigid links, relative to that of their search parameters */
+#define LATIN_CONVEX_REGULARISATION LatinByPrecision(1e-7, 1e-3) /* compliance of rigid links, relative to that of their search parameters; with more, tensions creep */
 
 /* Computes the weights W of the initial point, and compliances. *firm: greatest search parameter of a rigid link, 0: none. Collective */
 PetscErrorCode LatinConvexWeights_Private(LatinPrimalDual *c, const PetscReal stiffness[], PetscReal *firm)
@@ -95,7 +95,7 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
   const LatinStructure structure = newton->structure;
   LatinPrimalDual      c         = {.structure = structure};
   PetscBool            failed    = PETSC_FALSE;
-  PetscReal            left      = PETSC_MAX_REAL, firm, most;
+  PetscReal            left      = PETSC_MAX_REAL, firm;
 
   PetscFunctionBegin;
   PetscCall(SNESGetKSP(newton->snes, &c.ksp));
@@ -104,16 +104,13 @@ PetscErrorCode LatinNewtonConvex_Private(LatinNewton *newton, Vec more, Vec u)
     PetscCall(SNESGetJacobian(newton->snes, &c.A, NULL, NULL, NULL));
     PetscCall(KSPSetTolerances(c.ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
     PetscCall(LatinConvexWeights_Private(&c, newton->latin->sub.link_stiffness, &firm));
-    c.floor = newton->floor;
-    most    = firm / LATIN_CONVEX_REGULARISATION; /* greatest stiffness of a rigid link; open ones beside it may be a mechanism to rounding */
+    c.softest = c.regularisation / LATIN_CONVEX_REGULARISATION;
+    c.floor   = newton->floor;
     PetscCall(LatinConvexStart_Private(&c, &failed));
     for (PetscInt k = 0; k < LATIN_CONVEX_STEPS && !failed && left > LATIN_CONVEX_GAP && c.stages < newton->stages_left; k++) {
       PetscCall(LatinPrimalDualIterate_Private(&c, &failed));
       newton->steps++;
-      if (failed && c.floor < LATIN_NEWTON_FLOOR_GREATEST * most) {
-        c.floor = LATIN_NEWTON_FLOOR_GREATEST * most;
-        failed  = PETSC_FALSE;
-      } else if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, &left));
+      if (!failed) PetscCall(LatinConvexLeft_Private(&c, k, &left));
     }
     newton->stages += c.stages;
     newton->changes = 1; /* the tangent stiffness has been overwritten */

@@ -19,7 +19,6 @@
 #define LATIN_COULOMB_SETTLED   0.1                           /* if they change by less than this, relative */
 #define LATIN_COULOMB_REDUCED   0.1                           /* factor on the mean product after that; same factor at which Newton's method goes on */
 #define LATIN_COULOMB_SETTLES   20                            /* most steps for pushes to settle */
-#define LATIN_COULOMB_LESS      1e-2                          /* regularisation, relative to that without friction; with more, self-stresses creep */
 #define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions: the first and refinement */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without force */
 #define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep: displacements change while tensions are constant */
@@ -148,7 +147,6 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
   PetscFunctionBegin;
   PetscCall(LatinConvexWeights_Private(c, newton->latin->sub.link_stiffness, &firm));
   c->floor = LATIN_COULOMB_FLOOR * firm;
-  c->regularisation *= LATIN_COULOMB_LESS;
   PetscCall(LatinConvexStart_Private(c, &failed));
   run.first = c->mean;
   for (PetscInt k = 0; k < LATIN_COULOMB_STEPS && !failed && !*done && c->stages < newton->limit - newton->stages; k++) {
