@@ -218,6 +218,12 @@ def test_a_method_that_does_not_get_there_says_so():
     assert not row["converged"] and row["reason"].startswith("DIVERGED_MAX_IT") and row["error_l2"] > 1e-4
 
 
+def test_newtons_method_takes_over_where_the_iteration_alone_takes_longer():
+    """The default of SNES latin is compared, not an iteration that no user would wait for."""
+    row = compare.compare(make("net", side=20, law="cable"), ["latin"], repeat=1)["rows"][0]
+    assert row["converged"] and row["iterations"] < 250  # alone: 1,375
+
+
 def test_a_slow_process_is_stopped():
     with Bench(grid(), timeout=0.05) as bench, pytest.raises(Failed, match=r"no result after 0\.05 s"):
         bench.run(do="calibrate", method="latin", accuracies=[1e-2])

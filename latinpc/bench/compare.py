@@ -29,7 +29,7 @@ TIGHTER = 0.5  # when the errors of the timed run and of the calibration differ 
 NOTE = (
     "Seconds and memory are medians; memory is the largest of the process, Python and the scene's arrays included. "
     "Each method stops at the first iterate below the accuracy,"
-    " latin by its estimate where its iterates do not get there."
+    " latin by its estimate where its iterates take longer."
 )
 
 
@@ -166,13 +166,18 @@ def _ranks(bench, name):
 def _stop(bench, name, accuracy):
     """Return the tolerance that reaches the accuracy; one that is not reached is a failure only once timed.
 
-    None for latin, whose own stop then lets Newton's method take over; with large displacements, which take paths of
-    Newton's method, at once.
+    None for latin, whose own stop then lets Newton's method take over: with large displacements, which take paths of
+    Newton's method, and where the iteration alone takes more linear stages, as on nets.
     """
-    if bench.large and METHODS[name].kind == "latin":
+    task = {"method": name, "accuracies": [accuracy]}
+    if METHODS[name].kind != "latin":
+        return bench.run(_ranks(bench, name), do="calibrate", **task)["tolerances"][0] or accuracy * 1e-2
+    if bench.large:
         return None
-    answer = bench.run(_ranks(bench, name), do="calibrate", method=name, accuracies=[accuracy])
-    return answer["tolerances"][0] or (None if METHODS[name].kind == "latin" else accuracy * 1e-2)
+    own = bench.run(bench.ranks, do="time", method=name, tolerance=None, accuracy=accuracy)
+    return bench.run(bench.ranks, do="calibrate", options={"snes_max_it": max(1, own["iterations"])}, **task)[
+        "tolerances"
+    ][0]
 
 
 def _time(bench, name, stops, accuracy, runs, failures):
