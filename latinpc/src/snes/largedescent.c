@@ -35,15 +35,19 @@ typedef struct {
   Vec            u, more;      /* work vectors */
   PetscReal      force, size;  /* mean stiffness times size, a force; size of the structure, a length */
   PetscReal      loads;        /* norm of the loads, each times the displacement of its unit unknown: a work */
-  PetscReal      unit;         /* unit of the energy: TAO compares energies in absolute terms */
   PetscReal      balance;      /* unbalanced forces at the end, relative to stiffness times size */
-  PetscReal      times;        /* current factor on the loads */
-  PetscBool      near;         /* the descent should stay near its start, preconditioned by the present operators */
   PC             pc;           /* preconditioner: the operators of Newton's method; borrowed */
+  PetscBool      renews;       /* these are made anew for each step */
+  PetscBool      near;         /* the descent should stay near its start, preconditioned by the present operators */
   Vec            start;        /* initial displacements, with `near` */
-  PetscInt       most;         /* most steps of this descent */
   PetscBool      tried;        /* heavier loads have been tried */
-  PetscBool      renews;       /* operators are made anew for each step */
+  /* of this descent */
+  Tao                tao;
+  Vec                x, first; /* unknowns; initial ones */
+  PetscReal          times;    /* factor on the loads */
+  PetscReal          unit;     /* unit of the energy: TAO compares energies in absolute terms */
+  PetscInt           most;     /* most steps */
+  TaoConvergedReason reason;
 } LatinDescent;
 
 /* Computes descent->weight, the displacements of unit unknowns, and descent->force. Collective on descent->structure */
@@ -175,14 +179,14 @@ static PetscErrorCode LatinDescentPrecondition_Private(PC pc, Vec r, Vec z)
   PetscFunctionReturn(0);
 }
 
-/* Preconditions the linear solves by descent->pc, which then defines the norm of the trust region as well. Collective on tao */
-static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent, Tao tao)
+/* Preconditions the linear solves by descent->pc, which then defines the norm of the trust region as well. Collective on descent->tao */
+static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent)
 {
   KSP ksp;
   PC  pc;
 
   PetscFunctionBegin;
-  PetscCall(TaoGetKSP(tao, &ksp));
+  PetscCall(TaoGetKSP(descent->tao, &ksp));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCSHELL));
   PetscCall(PCShellSetContext(pc, descent));
@@ -190,60 +194,47 @@ static PetscErrorCode LatinDescentOperators_Private(LatinDescent *descent, Tao t
   PetscFunctionReturn(0);
 }
 
-/* Creates the TAO solver of the descent. x: its unknowns. Collective on snes */
-static PetscErrorCode LatinDescentCreate_Private(SNES snes, LatinDescent *descent, Vec x, Tao *tao)
+/* Creates descent->tao. Collective on descent->snes */
+static PetscErrorCode LatinDescentCreate_Private(LatinDescent *descent)
 {
   KSP ksp;
   PC  pc;
   Mat A;
+  Tao tao;
 
   PetscFunctionBegin;
   PetscCall(LatinTurningMatCreate_Private(descent->structure, &A));
-  PetscCall(TaoCreate(PetscObjectComm((PetscObject)snes), tao));
-  PetscCall(TaoSetType(*tao, TAONTR));
-  PetscCall(TaoSetSolution(*tao, x));
-  PetscCall(TaoSetObjectiveAndGradient(*tao, NULL, LatinDescentEnergy_Private, descent));
-  PetscCall(TaoSetHessian(*tao, A, A, LatinDescentTangent_Private, descent));
+  PetscCall(TaoCreate(PetscObjectComm((PetscObject)descent->snes), &tao));
+  PetscCall(TaoSetType(tao, TAONTR));
+  PetscCall(TaoSetSolution(tao, descent->x));
+  PetscCall(TaoSetObjectiveAndGradient(tao, NULL, LatinDescentEnergy_Private, descent));
+  PetscCall(TaoSetHessian(tao, A, A, LatinDescentTangent_Private, descent));
   PetscCall(PetscObjectDereference((PetscObject)A));
-  PetscCall(TaoSetConvergenceTest(*tao, LatinDescentConverged_Private, descent));
-  PetscCall(TaoSetInitialTrustRegionRadius(*tao, LATIN_DESCENT_RADIUS));
-  PetscCall(LatinDescentOptions_Private(*tao, snes));
-  PetscCall(TaoGetKSP(*tao, &ksp));
+  PetscCall(TaoSetConvergenceTest(tao, LatinDescentConverged_Private, descent));
+  PetscCall(TaoSetInitialTrustRegionRadius(tao, LATIN_DESCENT_RADIUS));
+  PetscCall(LatinDescentOptions_Private(tao, descent->snes));
+  PetscCall(TaoGetKSP(tao, &ksp));
   PetscCall(KSPSetType(ksp, KSPSTCG));
   PetscCall(KSPSetTolerances(ksp, LATIN_DESCENT_RTOL, 0.0, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCNONE));
-  if (descent->near) PetscCall(LatinDescentOperators_Private(descent, *tao));
-  PetscFunctionReturn(0);
-}
-
-/* Returns in *up whether the energy under descent->times the loads is higher at x than at the start. Collective on tao */
-static PetscErrorCode LatinDescentUp_Private(Tao tao, LatinDescent *descent, Vec start, Vec x, PetscBool *up)
-{
-  PetscReal from, to;
-  Vec       g;
-
-  PetscFunctionBegin;
-  PetscCall(VecDuplicate(x, &g));
-  PetscCall(LatinDescentEnergy_Private(tao, start, &from, g, descent));
-  PetscCall(LatinDescentEnergy_Private(tao, x, &to, g, descent));
-  PetscCall(VecDestroy(&g));
-  *up = (PetscBool)(to > from);
+  descent->tao = tao;
+  if (descent->near) PetscCall(LatinDescentOperators_Private(descent));
   PetscFunctionReturn(0);
 }
 
 /*
-   Sets descent->unit to the strain energy at x, or to that of the current loads if the mean stiffness held each node, whichever is larger. TAO accepts
-   each step that changes the energy by less than 1e-13: in a unit that does not depend on the loads, each step under small ones. Collective on
+   Sets descent->unit to the strain energy at the unknowns, or to that of the current loads if the mean stiffness held each node, whichever is larger. TAO
+   accepts each step that changes the energy by less than 1e-13: in a unit that does not depend on the loads, each step under small ones. Collective on
    descent->structure
 */
-static PetscErrorCode LatinDescentUnit_Private(LatinDescent *descent, Vec x)
+static PetscErrorCode LatinDescentUnit_Private(LatinDescent *descent)
 {
   const PetscReal whole = descent->force * descent->size;
   PetscScalar     work;
 
   PetscFunctionBegin;
-  PetscCall(VecPointwiseMult(descent->u, descent->weight, x));
+  PetscCall(VecPointwiseMult(descent->u, descent->weight, descent->x));
   PetscCall(LatinTurningEnergy_Private(descent->structure, descent->u, &descent->unit));
   PetscCall(VecDot(descent->structure->load, descent->u, &work));
   descent->unit = PetscMax(descent->unit + PetscRealPart(work), PetscSqr(descent->times * descent->loads) / whole);
@@ -251,59 +242,102 @@ static PetscErrorCode LatinDescentUnit_Private(LatinDescent *descent, Vec x)
   PetscFunctionReturn(0);
 }
 
-/*
-   Runs the descents from x, until one under the loads themselves is final:
-
-   1. Under the loads themselves. If that takes too long and the loads pull all bars tight, the bars are solved for as cables.
-   2. If it takes too long: under the heaviest loads, then under lighter ones while these lead nowhere; from the first state found, under
-      ever lighter loads down to the loads themselves.
-   3. Heavier loads may have snapped the structure through. If the state found has more energy than the start: once more under the loads
-      themselves from the start, with as many steps as in 2.
-   4. If one of these runs out of steps, or fails as loads decrease: the same with operators made anew for each step.
-
-   heaviest: heaviest factor on the loads; 0: no loads, 1: none heavier. *reason: of the last descent. Collective on snes
-*/
-static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *descent, PetscReal heaviest, Vec x, TaoConvergedReason *reason)
+/* Descends from the unknowns under `times` the loads. If it fails, they are the initial ones again. Collective on descent->snes */
+static PetscErrorCode LatinDescentOnce_Private(LatinDescent *descent, PetscReal times)
 {
-  PetscBool first = PETSC_TRUE, falls = PETSC_FALSE, done = PETSC_FALSE, taut = PETSC_FALSE, again = PETSC_FALSE;
-  PetscInt  steps;
-  Vec       start;
+  PetscInt steps;
 
   PetscFunctionBegin;
-  PetscCall(VecDuplicate(x, &start));
-  PetscCall(VecCopy(x, start));
-  descent->times = 1.0;
-  descent->most  = descent->near ? LATIN_DESCENT_NEAR : heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
-  while (!done) {
-    if (descent->times > 1.0) descent->tried = PETSC_TRUE;
-    PetscCall(LatinDescentUnit_Private(descent, x));
-    PetscCall(TaoSolve(tao));
-    PetscCall(TaoGetConvergedReason(tao, reason));
-    PetscCall(TaoGetIterationNumber(tao, &steps));
-    PetscCall(PetscInfo(snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)descent->times, TaoConvergedReasons[*reason], steps));
-    if (first && heaviest > 0.0 && *reason == TAO_DIVERGED_MAXITS && !descent->near) PetscCall(SNESLatinLargeTaut_Private(snes, descent->u, &taut));
-    if (taut) {
-      PetscCall(VecPointwiseDivide(x, descent->u, descent->weight));
-      *reason = TAO_CONVERGED_USER;
-      break;
-    }
-    done = (PetscBool)(first ? *reason != TAO_DIVERGED_MAXITS || heaviest <= 1.0 : descent->times == 1.0 || (falls && *reason < 0));
-    if (done && heaviest > 0.0 && !descent->near && !descent->renews) {
-      descent->renews = (PetscBool)(*reason == TAO_DIVERGED_MAXITS || (*reason < 0 && descent->times > 1.0));
-      if (descent->renews) PetscCall(LatinDescentOperators_Private(descent, tao));
-      else if (*reason > 0 && !first && !again) PetscCall(LatinDescentUp_Private(tao, descent, start, x, &again));
-      else again = PETSC_FALSE;
-      done = (PetscBool) !(again || descent->renews);
-      if (!done) PetscCall(VecCopy(start, x));
-      if (!done) descent->times = 1.0;
-    }
-    if (*reason > 0) falls = PETSC_TRUE;
-    else PetscCall(VecCopy(start, x));
-    descent->times = PetscMax(1.0, first ? heaviest : descent->times / LATIN_DESCENT_LIGHTER);
-    descent->most  = LATIN_DESCENT_STEPS;
-    first          = PETSC_FALSE;
+  descent->times = times;
+  PetscCall(LatinDescentUnit_Private(descent));
+  PetscCall(TaoSolve(descent->tao));
+  PetscCall(TaoGetConvergedReason(descent->tao, &descent->reason));
+  PetscCall(TaoGetIterationNumber(descent->tao, &steps));
+  PetscCall(PetscInfo(descent->snes, "Down the energy, %g times the loads: %s after %" PetscInt_FMT " steps\n", (double)times, TaoConvergedReasons[descent->reason], steps));
+  if (descent->reason < 0) PetscCall(VecCopy(descent->first, descent->x));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Descends under the heaviest loads, then under lighter ones while these lead nowhere; from the first state found, under ever lighter ones down to the
+   loads themselves or to a failure. Collective on descent->snes
+*/
+static PetscErrorCode LatinDescentLighter_Private(LatinDescent *descent, PetscReal heaviest)
+{
+  PetscBool found = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  descent->tried = PETSC_TRUE;
+  PetscCall(LatinDescentOnce_Private(descent, heaviest));
+  while (descent->times > 1.0 && !(found && descent->reason < 0)) {
+    if (descent->reason > 0) found = PETSC_TRUE;
+    PetscCall(LatinDescentOnce_Private(descent, PetscMax(1.0, descent->times / LATIN_DESCENT_LIGHTER)));
   }
-  PetscCall(VecDestroy(&start));
+  PetscFunctionReturn(0);
+}
+
+/* Returns in *up whether the energy under the current loads is higher at the unknowns than at the initial ones. Collective on descent->tao */
+static PetscErrorCode LatinDescentUp_Private(LatinDescent *descent, PetscBool *up)
+{
+  PetscReal from, to;
+  Vec       g;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(descent->x, &g));
+  PetscCall(LatinDescentEnergy_Private(descent->tao, descent->first, &from, g, descent));
+  PetscCall(LatinDescentEnergy_Private(descent->tao, descent->x, &to, g, descent));
+  PetscCall(VecDestroy(&g));
+  *up = (PetscBool)(to > from);
+  PetscFunctionReturn(0);
+}
+
+/* Steps 2 to 5 of LatinDescentRun_Private, after step 1 has failed. Collective on descent->snes */
+static PetscErrorCode LatinDescentFurther_Private(LatinDescent *descent, PetscReal heaviest)
+{
+  PetscBool taut, up = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeTaut_Private(descent->snes, descent->u, &taut));
+  if (taut) {
+    PetscCall(VecPointwiseDivide(descent->x, descent->u, descent->weight));
+    descent->reason = TAO_CONVERGED_USER;
+    PetscFunctionReturn(0);
+  }
+  descent->most = LATIN_DESCENT_STEPS;
+  if (heaviest > 1.0) {
+    PetscCall(LatinDescentLighter_Private(descent, heaviest));
+    if (descent->reason > 0) PetscCall(LatinDescentUp_Private(descent, &up));
+    if (up) {
+      PetscCall(VecCopy(descent->first, descent->x));
+      PetscCall(LatinDescentOnce_Private(descent, 1.0));
+    }
+  }
+  if (descent->reason == TAO_DIVERGED_MAXITS || (descent->reason < 0 && descent->times > 1.0)) {
+    descent->renews = PETSC_TRUE;
+    PetscCall(LatinDescentOperators_Private(descent));
+    PetscCall(LatinDescentOnce_Private(descent, 1.0));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   Runs the descents:
+
+   1. Under the loads themselves; near the start no other. The next ones follow only if that takes too long.
+   2. If the loads pull all bars tight: the bars are solved for as cables.
+   3. Under heavier loads, which decrease.
+   4. Heavier loads may have snapped the structure through. If the state found has more energy than the start: under the loads themselves, with as many
+      steps as in 3.
+   5. If the last one has run out of steps, or has failed under heavier loads: under the loads themselves, with operators made anew for each step.
+
+   heaviest: heaviest factor on the loads; 0: no loads, 1: none heavier. Collective on descent->snes
+*/
+static PetscErrorCode LatinDescentRun_Private(LatinDescent *descent, PetscReal heaviest)
+{
+  PetscFunctionBegin;
+  descent->most = descent->near ? LATIN_DESCENT_NEAR : heaviest <= 1.0 ? LATIN_DESCENT_STEPS : LATIN_DESCENT_SOON;
+  PetscCall(LatinDescentOnce_Private(descent, 1.0));
+  if (descent->reason == TAO_DIVERGED_MAXITS && heaviest > 0.0 && !descent->near) PetscCall(LatinDescentFurther_Private(descent, heaviest));
   PetscFunctionReturn(0);
 }
 
@@ -311,22 +345,20 @@ static PetscErrorCode LatinDescentRun_Private(SNES snes, Tao tao, LatinDescent *
    Descends from u to a state in balance under the loads of snes. *rests: found, in u; else u is unchanged.
 
      near:     the state must be near u; the present operators precondition
-     *heavier: on entry, heavier loads may be tried; on return, false once they have been, as they are the same for every part of the loads
+     *heavier: on entry, heavier loads may be tried, not near u; on return, false once they have been, as they are the same for every part of the loads
 
    Collective on snes
 */
 PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests)
 {
-  const LatinLarge  *large   = &((SNES_Latin *)snes->data)->large;
-  LatinDescent       descent = {.snes = snes, .structure = large->frame->turns, .size = large->size, .near = near};
-  PetscReal          loads;
-  TaoConvergedReason reason;
-  Tao                tao;
-  Vec                x;
-  KSP                ksp;
+  const LatinLarge *large    = &((SNES_Latin *)snes->data)->large;
+  LatinDescent      descent  = {.snes = snes, .structure = large->frame->turns, .size = large->size, .near = near, .balance = LATIN_DESCENT_BALANCE};
+  PetscReal         heaviest = 0.0, whole;
+  KSP               ksp;
 
   PetscFunctionBegin;
-  PetscCall(VecDuplicate(u, &x));
+  PetscCall(VecDuplicate(u, &descent.x));
+  PetscCall(VecDuplicate(u, &descent.first));
   PetscCall(VecDuplicate(u, &descent.load));
   PetscCall(VecDuplicate(u, &descent.weight));
   PetscCall(VecDuplicate(u, &descent.more));
@@ -339,23 +371,25 @@ PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBoo
     PetscCall(VecCopy(u, descent.start));
   }
   PetscCall(LatinStructureLoads_Private(descent.structure, snes->vec_rhs, descent.load));
-  PetscCall(VecPointwiseMult(x, descent.load, descent.weight));
-  PetscCall(VecNorm(x, NORM_2, &loads));
-  descent.balance = LATIN_DESCENT_BALANCE;
-  descent.loads   = loads;
-  if (near) descent.balance = PetscMin(LATIN_DESCENT_BALANCE, LATIN_DESCENT_FORCES * loads / (descent.force * descent.size));
-  PetscCall(VecPointwiseDivide(x, u, descent.weight));
-  PetscCall(LatinDescentCreate_Private(snes, &descent, x, &tao));
-  PetscCall(LatinDescentRun_Private(snes, tao, &descent, !(loads > 0.0) ? 0.0 : *heavier ? LATIN_DESCENT_HEAVY * descent.force * descent.size / loads : 1.0, x, &reason));
-  PetscCall(VecPointwiseMult(u, descent.weight, x));
-  *rests = (PetscBool)(reason > 0);
+  PetscCall(VecPointwiseMult(descent.x, descent.load, descent.weight));
+  PetscCall(VecNorm(descent.x, NORM_2, &descent.loads));
+  whole = descent.force * descent.size;
+  if (near) descent.balance = PetscMin(LATIN_DESCENT_BALANCE, LATIN_DESCENT_FORCES * descent.loads / whole);
+  if (descent.loads > 0.0) heaviest = *heavier ? LATIN_DESCENT_HEAVY * descent.force * descent.size / descent.loads : 1.0;
+  PetscCall(VecPointwiseDivide(descent.x, u, descent.weight));
+  PetscCall(VecCopy(descent.x, descent.first));
+  PetscCall(LatinDescentCreate_Private(&descent));
+  PetscCall(LatinDescentRun_Private(&descent, heaviest));
+  PetscCall(VecPointwiseMult(u, descent.weight, descent.x));
+  *rests = (PetscBool)(descent.reason > 0);
   if (descent.tried) *heavier = PETSC_FALSE;
-  PetscCall(TaoDestroy(&tao));
-  PetscCall(VecDestroy(&x));
+  PetscCall(TaoDestroy(&descent.tao));
   PetscCall(VecDestroy(&descent.start));
   PetscCall(VecDestroy(&descent.u));
   PetscCall(VecDestroy(&descent.more));
   PetscCall(VecDestroy(&descent.weight));
   PetscCall(VecDestroy(&descent.load));
+  PetscCall(VecDestroy(&descent.first));
+  PetscCall(VecDestroy(&descent.x));
   PetscFunctionReturn(0);
 }
