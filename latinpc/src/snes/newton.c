@@ -224,13 +224,11 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscFunctionReturn(0);
 }
 
-/* Solves from the initial guess u. known: its relative error, 0: not known. u is undefined if the reason is negative. Collective on snes */
-PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
+/* Resets the results of the last run, and sets what depends on the initial guess u. known: its relative error, 0: not known. Collective on newton->structure */
+static PetscErrorCode LatinNewtonBegin_Private(LatinNewton *newton, PetscReal known, Vec u)
 {
-  const PetscBool own_laws = newton->own_laws;
-  PetscReal       least, most;
-  KSP             ksp;
-  Vec             start = NULL;
+  PetscReal least, most;
+  KSP       ksp;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
@@ -247,20 +245,47 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscRea
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  if (own_laws) {
+  PetscFunctionReturn(0);
+}
+
+/*
+   Solves by Newton's method, with multipliers of rigid links. If links of tables beside rigid links fail: again with full steps, as searches, which
+   close rigid links one by one, lose 2 of 964 loads that tables bear. Collective on snes
+*/
+static PetscErrorCode LatinNewtonRun_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
+{
+  const PetscBool both = (PetscBool)(newton->own_laws && newton->structure->penalty);
+  Vec             start;
+
+  PetscFunctionBegin;
+  if (both) {
     PetscCall(DMGetGlobalVector(newton->structure->dm, &start));
     PetscCall(VecCopy(u, start));
   }
   PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
-  if (*reason < 0 && own_laws && newton->structure->penalty && newton->found.verdict != LATIN_UNBOUNDED &&
-      newton->found.verdict != LATIN_JAMMED) { /* again with full steps: searches, which close rigid links one by one, lose 2 of 964 loads that tables bear */
+  if (!both) PetscFunctionReturn(0);
+  if (*reason < 0 && newton->found.verdict != LATIN_UNBOUNDED && newton->found.verdict != LATIN_JAMMED) {
     PetscCall(VecCopy(start, u));
     PetscCall(LatinMultipliersStart_Private(newton));
     newton->own_laws = PETSC_FALSE;
     PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
-    newton->own_laws = own_laws;
+    newton->own_laws = PETSC_TRUE;
   }
-  if (own_laws) PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &start));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Solves from the initial guess u. After a failure the search for a collapse follows. If it finds that the structure bears the loads, an interior-point
+   method leads Newton's method to the solution.
+
+   known: relative error of u, 0: not known. u is undefined if the reason is negative. Collective on snes
+*/
+PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinNewtonBegin_Private(newton, known, u));
+  PetscCall(LatinNewtonRun_Private(snes, newton, u, reason));
   if (*reason < 0 && newton->found.verdict != LATIN_JAMMED) PetscCall(LatinNewtonCollapse_Private(newton, snes->vec_rhs));
   if (newton->held) {
     newton->held = PETSC_FALSE;
