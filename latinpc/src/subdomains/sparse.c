@@ -247,6 +247,25 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscFunctionReturn(0);
 }
 
+/* Recomputes the values of row r of K, see LatinSparseRenew_Private(). top: first row of the subdomain. Returns whether its pattern has not changed */
+static PetscBool LatinSparseRenewRow(const LatinSubdomains *sub, PetscInt top, PetscInt r, const PetscReal spring[], const PetscBool held[], LatinSparse *K)
+{
+  const PetscInt row = top + r, end = K->i[r + 1];
+  PetscInt       nz = K->i[r];
+
+  for (PetscInt k = sub->ki[row]; k < sub->ki[row + 1] && !held[row]; k++) {
+    const PetscInt  column = LatinEntryColumn(sub, row, k) - top;
+    const PetscReal value  = LatinEntry(sub, row, k);
+
+    if (column != r && (value == 0.0 || held[top + column])) continue;     /* no entry of K */
+    if (column > r && nz < end && K->j[nz] == r) K->a[nz++] = spring[row]; /* the diagonal entry is a spring alone */
+    if (nz == end || K->j[nz] != column) return PETSC_FALSE;
+    K->a[nz++] = column == r ? spring[row] + value : value;
+  }
+  if (nz < end && K->j[nz] == r) K->a[nz++] = held[row] ? 1.0 : spring[row]; /* the same, and nothing behind it */
+  return (PetscBool)(nz == end);
+}
+
 /*
    Recomputes the values of K, the operator of a subdomain of a matrix without blocks. *same: the pattern has not changed; otherwise the values are
    undefined
@@ -257,22 +276,7 @@ PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *sub, PetscInt s, 
 
   PetscFunctionBegin;
   *same = (PetscBool)(sub->ki && sub->bs == 1 && K->bs == 1 && K->rows == sub->node_offset[s + 1] - top);
-  for (PetscInt r = 0; r < K->rows && *same; r++) {
-    const PetscInt end = K->i[r + 1];
-    PetscInt       nz  = K->i[r];
-
-    for (PetscInt k = sub->ki[top + r]; k < sub->ki[top + r + 1] && !held[top + r] && *same; k++) {
-      const PetscInt  column = LatinEntryColumn(sub, top + r, k) - top;
-      const PetscReal value  = LatinEntry(sub, top + r, k);
-
-      if (column != r && (value == 0.0 || held[top + column])) continue;
-      if (column > r && nz < end && K->j[nz] == r) K->a[nz++] = spring[top + r]; /* the diagonal entry is a spring alone */
-      *same = (PetscBool)(nz < end && K->j[nz] == column);
-      if (*same) K->a[nz++] = column == r ? spring[top + r] + value : value;
-    }
-    if (nz < end && K->j[nz] == r) K->a[nz++] = held[top + r] ? 1.0 : spring[top + r];
-    if (nz < end) *same = PETSC_FALSE;
-  }
+  for (PetscInt r = 0; r < K->rows && *same; r++) *same = LatinSparseRenewRow(sub, top, r, spring, held, K);
   PetscFunctionReturn(0);
 }
 
