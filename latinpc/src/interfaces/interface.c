@@ -17,21 +17,13 @@
 
 enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
-/*
-   Computes the frame of an interface: centre, size and principal axes of its nodes with a free component. The interface is strong when its nodes span
-   dim - 1 directions and so can carry the affine fields of section 3.2; without coordinates, when it has more nodes than there are fields. Differences
-   of coordinates are scaled by the size: neither units nor the origin matter.
-*/
-PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
+/* Computes origin, centre and size of a frame. Returns the number of nodes with a free component, of which the centre is the mean */
+static PetscInt LatinFrameCentre(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
 {
   const PetscInt dim     = sub->dim;
   PetscReal      largest = 0.0;
-  PetscScalar    a[9], w[3], work[32];
-  PetscBLASInt   bn, lwork = 32, info;
-  PetscInt       used = 0;
+  PetscInt       used    = 0;
 
-  PetscFunctionBegin;
-  PetscCall(PetscMemzero(frame, sizeof(*frame)));
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal *xi = sub->x + dim * copies[i];
 
@@ -47,11 +39,14 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
   if (frame->size <= LATIN_FRAME_POINT * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
-  frame->plane = PETSC_TRUE;
-  if (dim < 2 || frame->size == 0.0) {
-    frame->strong = (PetscBool)(dim == 1 ? used > 0 : dim == 0 && used > sub->fields);
-    PetscFunctionReturn(0);
-  }
+  return used;
+}
+
+/* Computes the second moments a of the nodes about the centre, [dim][dim], relative to the size */
+static void LatinFrameMoments(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], const LatinFrame *frame, PetscScalar a[])
+{
+  const PetscInt dim = sub->dim;
+
   for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;
   for (PetscInt i = 0; i < n; i++) {
     PetscReal r[3] = {0.0, 0.0, 0.0};
@@ -60,6 +55,29 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
     for (PetscInt c = 0; c < dim; c++)
       for (PetscInt b = 0; b < dim; b++) a[c * dim + b] += r[c] * r[b];
   }
+}
+
+/*
+   Computes the frame of an interface: centre, size and principal axes of its nodes with a free component. The interface is strong when its nodes span
+   dim - 1 directions and so can carry the affine fields of section 3.2; without coordinates, when it has more nodes than there are fields. Differences
+   of coordinates are scaled by the size: neither units nor the origin matter.
+*/
+PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
+{
+  const PetscInt dim = sub->dim;
+  PetscScalar    a[9], w[3], work[32];
+  PetscBLASInt   bn, lwork = 32, info;
+  PetscInt       used;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(frame, sizeof(*frame)));
+  used         = LatinFrameCentre(sub, n, copies, frame);
+  frame->plane = PETSC_TRUE;
+  if (dim < 2 || frame->size == 0.0) {
+    frame->strong = (PetscBool)(dim == 1 ? used > 0 : dim == 0 && used > sub->fields);
+    PetscFunctionReturn(0);
+  }
+  LatinFrameMoments(sub, n, copies, frame, a);
   PetscCall(PetscBLASIntCast(dim, &bn));
   PetscCallBLAS("LAPACKsyev", LAPACKsyev_("V", "U", &bn, a, &bn, w, work, &lwork, &info));
   PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
