@@ -103,6 +103,24 @@ def test_decimal_points_beside_decimal_commas_are_refused(mark, tmp_path):
         latinpc.read(nodes)
 
 
+@pytest.mark.parametrize("kind", ["nodes", "members"])
+def test_empty_columns_are_left_out(kind, tmp_path):
+    """Spreadsheets write them beside a table that was once wider."""
+    path, options = written(tmp_path, "csv")
+    table = tmp_path / f"bars-{kind}.csv"
+    expected, lines = latinpc.read(path, **options), table.read_text().splitlines()
+    table.write_text("".join(f",{line},,\n" for line in lines))
+    found = latinpc.read(path, **options)
+    for name in ("nodes", "links", "fixed", "load", "stiffness"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))
+    table.write_text("".join(f"{line},{index or ''}\n" for index, line in enumerate(lines)))
+    with pytest.raises(ValueError, match=rf"bars-{kind}\.csv, line 1: column {lines[0].count(',') + 2} has no name"):
+        latinpc.read(path, **options)
+    table.write_text("".join(f"{line}{',' * (index > 0)}\n" for index, line in enumerate(lines)))
+    with pytest.raises(ValueError, match=rf"bars-{kind}\.csv, line 2: \d+ cells; expected"):  # a decimal comma
+        latinpc.read(path, **options)
+
+
 OPTIONS = [
     ({"support": "feet"}, ["--support feet", "chooses no nodes", "its groups are points, ropes"]),
     ({"support": "x<5:z"}, ["--support x<5:z", "fix must be a list out of ['x', 'y']"]),

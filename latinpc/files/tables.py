@@ -11,7 +11,7 @@ words: ``roof-nodes.csv`` and ``roof-members.csv``. Columns come in any order; t
 by ``ux`` etc. if those are given. ``law`` and the columns after it are as in the TOML file, which gives by groups what
 they leave out. A unit in a heading, ``x [mm]`` or ``EA (kN)``, converts the column; without one it is in m, N and kg.
 Without ``node``, nodes are numbered from 1. Commas, semicolons or tabs separate; where commas do not, the decimal mark
-is a comma or a point, the same in both files. Empty lines, and lines that begin with ``#``, are left out.
+is a comma or a point, the same in both files. Empty lines and columns, and lines that begin with ``#``, are left out.
 """
 
 from __future__ import annotations
@@ -138,7 +138,8 @@ class Table:
         if len(rows) < 2:
             wrong(path, None, "holds no row", f"{self._format()}, and rows of numbers")
         self.head, cells = rows[0]
-        self._headings(cells, needed)
+        empty = {at for at in range(len(cells)) if not any(at < len(row) and row[at] for _, row in rows)}
+        self._headings(cells, needed, empty)
         for row, cells in rows[1:]:
             if len(cells) != len(rows[0][1]):
                 wrong(path, row, f"{len(cells)} cells", f"{len(rows[0][1])}, as in the head on line {self.head}")
@@ -150,12 +151,17 @@ class Table:
     def _format(self):
         return f"a head out of {', '.join(self.known)}"
 
-    def _headings(self, cells, needed):
-        """Find the names and the units of the columns."""
+    def _headings(self, cells, needed, empty):
+        """Find the names and the units of the columns; leave out empty ones, which spreadsheets write."""
         self._refuse_hidden(cells, needed)
         lower = {name.lower(): name for name in self.known}
         self.names, self.scale = [], {}
-        for cell in cells:
+        for at, cell in enumerate(cells):
+            if at in empty:
+                self.names.append(None)
+                continue
+            if not cell:
+                wrong(self.path, self.head, f"column {at + 1} has no name", self._format())
             name, unit = HEADING.fullmatch(cell).groups() if HEADING.fullmatch(cell) else (cell, None)
             found = lower.get(name.lower().replace(" ", "_"))
             if found is None and not name.startswith("#"):
