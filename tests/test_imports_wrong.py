@@ -238,6 +238,18 @@ def test_toml_files_move_supports_of_tables(tmp_path):
     ('[[case]]\n[case.supports.a]\nfix = "x"\n', ["unknown key 'supports'; known: combine"]),
     ('[[case]]\nname = "c"\ncombine = {}\n', ["combine must be factors of cases, such as { dead = 1.35"]),
     ("scale = 0.1\n", ["unknown key 'scale'; known: case"]),
+    (
+        '[[case]]\nname = "dead"\n[[case]]\nname = "all"\ncombine = { dead = 1.35 }\n',
+        ["[[case]] 'all': combine: 'dead' has no actions of its own", "in every case, without a factor"],
+    ),
+    (
+        '[supports.edge]\nwhere = "x=min"\n[[case]]\n[case.settlements.edge]\ndisplacement = [0.0, -0.1]\n',
+        ["[case.settlements.edge]: no group has this name, and the where of [supports.edge] holds there alone"],
+    ),
+    (
+        '[loads.half]\nbox = [[0, 0], [4, 3]]\nforce = [0.0, 1.0]\n[[case]]\n[case.loads.half]\nforce = [0.0, -1.0]\n',
+        ["[case.loads.half]: no group has this name, and the box of [loads.half] holds there alone"],
+    ),
 ])  # fmt: skip
 def test_wrong_keys_are_named_without_far_guesses(toml, words, tmp_path):
     path, _ = written(tmp_path, "csv")

@@ -85,6 +85,7 @@ def read_cases(settings, scene, ends, line, line_groups, node_groups, descriptio
         if not isinstance(table.get("part", False), bool):
             raise ValueError(f"{where}part must be true or false, not {table['part']!r}")
         place = where.removesuffix(": ")
+        _refuse_chosen_above(table, settings, node_groups, place)
         case = Case(
             name,
             read_loads(table, scene.nodes, ends, line_groups, node_groups, place, "case.")[0],
@@ -106,7 +107,25 @@ def _combined(table, cases, where):
         if part not in cases:
             raise ValueError(f"{where}: combine: no case above has the name '{part}'{nearest(part, cases)}")
         number(factor, f"{where}: combine: the factor of {part}")
+        if all(action is None for action in cases[part].parts):
+            raise ValueError(
+                f"{where}: combine: '{part}' has no actions of its own, a factor changes nothing; what stands"
+                " outside of cases acts in every case, without a factor"
+            )
     return combine.items()
+
+
+def _refuse_chosen_above(table, settings, node_groups, where):
+    """Refuse the name of a table outside of cases that is no group: its box or its conditions hold there alone."""
+    for key, outside in (("loads", "loads"), ("settlements", "supports")):
+        for group, entries in table.get(key, {}).items():
+            above = settings.get(outside, {}).get(group, {})
+            chosen = next((choice for choice in ("box", "where") if choice in above), None)
+            if chosen and group not in node_groups and not entries.keys() & {"box", "where", "line"}:
+                raise ValueError(
+                    f"{where}: [case.{key}.{group}]: no group has this name, and the {chosen} of [{outside}.{group}]"
+                    f" holds there alone: give {chosen} here as well"
+                )
 
 
 def _settlements(table, scene, node_groups, where):
