@@ -270,7 +270,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         """Refuse copies and pickles, which would share or lose what the library has."""
         raise TypeError(
             "a structure is not copied or pickled, its solvers have its arrays: make another of the same arrays, as by"
-            " Structure.from_scene(latinpc.scenes.Scene.from_structure(structure))"
+            " Structure.from_scene(latinpc.scenes.Scene.from_structure(structure)). Of a result, which holds its"
+            " structure, keep the arrays, such as result.tensions, or result.to_dict()"
         )
 
     def __repr__(self) -> str:

@@ -249,6 +249,9 @@ def test_a_structure_is_not_copied(how):
     for thing in (structure, {"of a result": structure}) if how is not copy.copy else (structure,):
         with pytest.raises(TypeError, match=r"not copied or pickled.*: make another .* Structure.from_scene"):
             how(thing)
+    if how is pickle.dumps:
+        with pytest.raises(TypeError, match=r"Of a result, .* keep the arrays, such as result\.tensions"):
+            how(structure.solve())
     another = latinpc.Structure.from_scene(latinpc.scenes.Scene.from_structure(structure), PETSc.COMM_SELF)
     another.set_load(2.0 * structure.load)
     assert np.array_equal(another.solve().load, 2.0 * structure.solve().load)

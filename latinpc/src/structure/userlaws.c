@@ -256,7 +256,7 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
   for (PetscInt i = 0; i < n; i++) {
     PetscCheck(!PetscIsInfOrNanReal(strain[i]) && !PetscIsInfOrNanReal(tension[i]), PETSC_COMM_SELF, PETSC_ERR_FP, "Point %" PetscInt_FMT " of the law %s is not a pair of finite numbers", i, name);
     if (!i) continue;
-    PetscCheck(strain[i] > strain[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The strains of the law %s must increase: point %" PetscInt_FMT " has %g after %g", name, i, (double)strain[i], (double)strain[i - 1]);
+    PetscCheck(strain[i] > strain[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The elongations of the law %s must increase: point %" PetscInt_FMT " has %g after %g", name, i, (double)strain[i], (double)strain[i - 1]);
     PetscCheck(tension[i] >= tension[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The tension of the law %s must not decrease: point %" PetscInt_FMT " has %g after %g", name, i, (double)tension[i], (double)tension[i - 1]);
     steepest = PetscMax(steepest, (tension[i] - tension[i - 1]) / (strain[i] - strain[i - 1]));
   }
