@@ -26,6 +26,20 @@ def test_ends_that_miss_each_other_are_named(more, tmp_path):
     assert near_misses(scene) == ([DRAWINGS[more]] if DRAWINGS[more] else [])
 
 
+def test_a_plane_frame_in_space_is_named(tmp_path):
+    """Of a table without a column z, loads Fz make a structure in 3D."""
+    (tmp_path / "nodes.csv").write_text("node,x,y,fix,Fz\na,0,0,xy,\nb,8,0,xy,\nc,4,3,,-1\n")
+    (tmp_path / "members.csv").write_text("start,end,EA\na,c,1e6\nb,c,1e6\n")
+    lines = command("solve", tmp_path, code=2).stderr.splitlines()
+    said = "lies in a plane of constant z: for forces within the plane give --support all:z"
+    assert lines[0] == f"latinpc: the structure has loads along z, but {said}" and "mechanism" in lines[1]
+    (tmp_path / "nodes.csv").write_text("node,x,y,z,fix,Fy\na,0,0,0,xy,\nb,8,0,0,xy,\nc,4,3,0,,-1\n")
+    (tmp_path / "tmp.toml").write_text("dim = 3\n")
+    flat = latinpc.read(tmp_path, tmp_path / "tmp.toml")
+    assert near_misses(flat) == [f"the structure {said}"]
+    assert near_misses(latinpc.read(tmp_path, tmp_path / "tmp.toml", support="all:z")) == []
+
+
 @pytest.mark.parametrize("words", [("solve",), ("modes", "--node-mass", 1.0)])
 def test_a_mechanism_of_a_drawing_names_them(words, tmp_path):
     more, said = next(iter(DRAWINGS.items()))

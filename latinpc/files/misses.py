@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from .selection import AXES
+
 LOOKED = 300  # nodes, those with the fewest links first
 SHOWN = 3
 NEAR = 1e-2  # of the shortest link at the node
 
 
 def near_misses(scene):
-    """Return sentences on nodes that are near others, or near lines within their length; not collective.
+    """Return sentences on why a structure is a mechanism; not collective.
+
+    It is flat and free across its plane, or nodes are near others, or near lines within their length.
 
     Parameters
     ----------
     scene : Scene
         Read from a file, whose options the sentences name.
     """
-    ends, lengths, found, named = scene.links, scene.lengths, [], set()
+    ends, lengths, found, named = scene.links, scene.lengths, _across(scene), set()
     degree = np.bincount(ends.ravel(), minlength=len(scene.nodes))
     near = np.full(len(scene.nodes), np.inf)
     for column in ends.T:
@@ -40,6 +44,20 @@ def near_misses(scene):
                 " the line there"
             )
     return found
+
+
+def _across(scene):
+    """Return a sentence on a structure in 3D that lies in a plane across an axis, with nodes that are free along it."""
+    extent = np.ptp(scene.nodes, axis=0)
+    for axis in np.flatnonzero(extent <= 1e-12 * extent.max()) if scene.dim == 3 else ():
+        free = ~scene.fixed[:, axis]
+        if free.any():
+            loads = f" has loads along {AXES[axis]}, but" if scene.load[free, axis].any() else ""
+            return [
+                f"the structure{loads} lies in a plane of constant {AXES[axis]}: for forces within the plane give"
+                f" --support all:{AXES[axis]}"
+            ]
+    return []
 
 
 def _other_node(scene, node, near):
