@@ -55,44 +55,68 @@ static PetscErrorCode LatinViewDirection_Private(Latin latin, PetscViewer viewer
   PetscFunctionReturn(0);
 }
 
+/* Prints what is chosen before the set-up. primal: the coarse problem has all interfaces */
+static PetscErrorCode LatinViewMethod_Private(Latin latin, PetscBool primal, PetscViewer viewer)
+{
+  const LatinVariant variant = latin->set_up ? latin->inter.variant : latin->variant;
+  const char        *fields = latin->macro.type == LATIN_MODES_RIGID ? ", rigid macro fields" : ", affine macro fields", *weights = "stiffness";
+
+  PetscFunctionBegin;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s\n", LatinVariants[variant], variant != latin->variant ? ", chosen by auto" : "", primal ? "" : fields));
+  if (!primal) PetscCall(LatinViewDirection_Private(latin, viewer));
+  if (!latin->sub.preconditions) PetscFunctionReturn(0);
+  if (LatinDirectionIsDeluxe(&latin->dir)) weights = LatinDirectionCondensed(&latin->dir) ? "blocks of the operators on interfaces" : "Schur complements where there are, else stiffness";
+  PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", weights));
+  PetscFunctionReturn(0);
+}
+
+/* Prints the structure or the matrix. Collective on viewer */
+static PetscErrorCode LatinViewProblem_Private(Latin latin, PetscViewer viewer)
+{
+  char     where[32] = "no coordinates";
+  PetscInt rows;
+
+  PetscFunctionBegin;
+  if (latin->sub.structure) {
+    PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(MatGetSize(latin->sub.matrix, &rows, NULL));
+  if (latin->sub.dim) PetscCall(PetscSNPrintf(where, sizeof(where), "coordinates in %" PetscInt_FMT "D", latin->sub.dim));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, %s, %" PetscInt_FMT " near null vectors\n", rows, latin->sub.fields, where, latin->sub.nears));
+  PetscFunctionReturn(0);
+}
+
+/* Prints subdomains, search directions and the coarse problem. Collective on viewer */
+static PetscErrorCode LatinViewSizes_Private(Latin latin, PetscBool primal, const LatinStatistics *stats, PetscViewer viewer)
+{
+  PetscReal links, dofs, ranks;
+
+  PetscFunctionBegin;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats->subdomains, stats->strong_interfaces, stats->weak_interfaces));
+  PetscCall(LatinSubdomainsBalance_Private(&latin->sub, &links, &dofs, &ranks));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
+  if (!primal) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats->direction_min, (double)stats->direction_mean, (double)stats->direction_max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats->strong_macro_dofs, stats->weak_dofs, stats->state_size));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
 {
   const PetscBool primal = (PetscBool)(latin->variant == LATIN_VARIANT_PRIMAL || (latin->set_up && latin->inter.variant == LATIN_VARIANT_PRIMAL));
   LatinStatistics stats;
-  PetscReal       links, dofs, ranks;
   PetscBool       ascii;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s%s\n", LatinVariants[latin->set_up ? latin->inter.variant : latin->variant], latin->set_up && latin->inter.variant != latin->variant ? ", chosen by auto" : "", primal ? "" : ", ",
-                                   primal                                   ? ""
-                                   : latin->macro.type == LATIN_MODES_RIGID ? "rigid macro fields"
-                                                                            : "affine macro fields"));
-  if (!primal) PetscCall(LatinViewDirection_Private(latin, viewer));
-  if (latin->sub.preconditions)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n",
-                                     !LatinDirectionIsDeluxe(&latin->dir)   ? "stiffness"
-                                     : LatinDirectionCondensed(&latin->dir) ? "blocks of the operators on interfaces"
-                                                                            : "Schur complements where there are, else stiffness"));
+  PetscCall(LatinViewMethod_Private(latin, primal, viewer));
   if (!latin->set_up) PetscFunctionReturn(0);
   if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO)
     PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a %s on %" PetscInt_FMT " interfaces, diagonal on the others\n", LatinDirectionCondensed(&latin->dir) ? "block" : "Schur complement", latin->dir.matrices));
   PetscCall(LatinGetStatistics(latin, &stats));
-  if (latin->sub.structure) PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));
-  else {
-    char     where[32] = "no coordinates";
-    PetscInt rows;
-
-    PetscCall(MatGetSize(latin->sub.matrix, &rows, NULL));
-    if (latin->sub.dim) PetscCall(PetscSNPrintf(where, sizeof(where), "coordinates in %" PetscInt_FMT "D", latin->sub.dim));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, %s, %" PetscInt_FMT " near null vectors\n", rows, latin->sub.fields, where, latin->sub.nears));
-  }
-  PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
-  PetscCall(LatinSubdomainsBalance_Private(&latin->sub, &links, &dofs, &ranks));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
-  if (!primal) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
+  PetscCall(LatinViewProblem_Private(latin, viewer));
+  PetscCall(LatinViewSizes_Private(latin, primal, &stats, viewer));
   PetscCall(LatinViewCost_Private(latin, viewer));
   if (LatinSpectralThreshold(&latin->spectral) > 0.0)
     PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " low-energy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n",
