@@ -110,6 +110,42 @@ static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, Pet
   PetscFunctionReturn(0);
 }
 
+/* Joins the rows that entries or blocks couple. repeated[row]: whether the unknown is repeated */
+static PetscErrorCode LatinMatrixComponents_Private(const LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt parent[], PetscBool repeated[])
+{
+  PetscInt bs;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetBlockSize(sub->matrix, &bs));
+  for (PetscInt r = 0; r < local->rows; r++) parent[r] = r;
+  for (PetscInt r = 0; r < local->rows; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
+      if (kept[r] && kept[local->j[k]] && local->a[k] != 0.0) LatinJoin(parent, r, local->j[k]);
+  PetscCall(LatinMatrixBlocks_Private(local, bs, kept, parent, repeated));
+  PetscFunctionReturn(0);
+}
+
+/* Numbers the components in the order of their first rows: part[row], see LatinMatrixParts_Private() */
+static PetscErrorCode LatinMatrixNumber_Private(PetscInt n, const PetscBool kept[], PetscInt parent[], const PetscBool repeated[], PetscInt part[], PetscInt *parts)
+{
+  PetscInt *number, *rows; /* of each component, at its root: its part; its rows */
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &number));
+  PetscCall(PetscCalloc1(n, &rows));
+  *parts = 0;
+  for (PetscInt r = 0; r < n; r++)
+    if (kept[r]) rows[LatinRoot(parent, r)]++;
+  for (PetscInt r = 0; r < n; r++) number[r] = rows[r] > 1 || (rows[r] && repeated[r]) ? (*parts)++ : 0;
+  for (PetscInt r = 0; r < n; r++) {
+    part[r] = kept[r] ? number[LatinRoot(parent, r)] : -1;
+    if (kept[r]) *parts = PetscMax(*parts, 1);
+  }
+  PetscCall(PetscFree(rows));
+  PetscCall(PetscFree(number));
+  PetscFunctionReturn(0);
+}
+
 /*
    Computes part[row], the part of each row of the local matrix, -1: no copy, numbered in the order of their first rows, and their number sub->n.
    sub->wanted subdomains are divided equally among ranks; 0: one for each rank. A component of one row, a spring to the ground, joins the first part,
@@ -120,36 +156,20 @@ PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMa
   const PetscInt64 wanted = sub->wanted; /* 64 bits: any number is allowed; a large one makes each piece a part */
   MPI_Comm         comm   = PetscObjectComm(sub->object);
   PetscMPIInt      rank, size;
-  PetscInt        *parent, *number, *rows, bs;
-  PetscBool       *repeated, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
+  PetscInt        *parent;
+  PetscBool       *repeated, here = PETSC_FALSE, anywhere;
 
   PetscFunctionBegin;
-  PetscCall(MatGetBlockSize(sub->matrix, &bs));
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscMalloc4(local->rows, &parent, local->rows, &number, local->rows, &rows, local->rows, &repeated));
-  for (PetscInt r = 0; r < local->rows; r++) {
-    parent[r] = r;
-    rows[r]   = 0;
-  }
-  for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
-      if (kept[r] && kept[local->j[k]] && local->a[k] != 0.0) LatinJoin(parent, r, local->j[k]);
-  PetscCall(LatinMatrixBlocks_Private(local, bs, kept, parent, repeated));
-  for (PetscInt r = 0; r < local->rows; r++) {
-    if (kept[r]) any[0] = PETSC_TRUE;
-    if (repeated[r]) any[1] = PETSC_TRUE;
-  }
-  PetscCall(MPIU_Allreduce(&any[1], &all, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
-  LatinAgree(comm, sub->wanted > size && !all, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: remove -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
+  PetscCall(PetscMalloc2(local->rows, &parent, local->rows, &repeated));
+  PetscCall(LatinMatrixComponents_Private(sub, local, kept, parent, repeated));
+  for (PetscInt r = 0; r < local->rows; r++) here = (PetscBool)(here || repeated[r]);
+  PetscCall(MPIU_Allreduce(&here, &anywhere, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
+  LatinAgree(comm, sub->wanted > size && !anywhere, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: remove -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
              LatinPrefix(sub));
-  if (any[1]) PetscCall(LatinMatrixJoin_Private(local, (PetscInt)PetscMax(1, wanted * (rank + 1) / size - wanted * rank / size), kept, parent));
-  for (PetscInt r = 0; r < local->rows; r++)
-    if (kept[r]) rows[LatinRoot(parent, r)]++;
-  sub->n = 0;
-  for (PetscInt r = 0; r < local->rows; r++) number[r] = rows[r] > 1 || (rows[r] && repeated[r]) ? sub->n++ : 0; /* the part of each component, at its root */
-  if (any[0]) sub->n = PetscMax(sub->n, 1);
-  for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? number[LatinRoot(parent, r)] : -1;
-  PetscCall(PetscFree4(parent, number, rows, repeated));
+  if (here) PetscCall(LatinMatrixJoin_Private(local, (PetscInt)PetscMax(1, wanted * (rank + 1) / size - wanted * rank / size), kept, parent));
+  PetscCall(LatinMatrixNumber_Private(local->rows, kept, parent, repeated, part, &sub->n));
+  PetscCall(PetscFree2(parent, repeated));
   PetscFunctionReturn(0);
 }
