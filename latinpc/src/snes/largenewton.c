@@ -144,73 +144,100 @@ static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large
   PetscFunctionReturn(0);
 }
 
-/* Decides after a step whether Newton's method ends. step: its length relative to the displacements. Collective on newton */
-static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, SNESConvergedReason *reason)
+/* Result of a step */
+typedef struct {
+  PetscInt           it;
+  PetscReal          length;       /* relative to the displacements after it */
+  PetscReal          before;       /* error after the step before */
+  PetscReal          tensions;     /* estimated error of the tensions */
+  PetscBool          small;        /* so that its error is estimated */
+  PetscBool          far;          /* displacements are larger than the structure */
+  KSPConvergedReason linear;       /* of the linear solve */
+  PetscInt           stages, last; /* linear iterations: of all steps, of this one */
+} LatinLargeSeen;
+
+/* Estimates the errors after a step. Collective on newton */
+static PetscErrorCode LatinLargeMeasure_Private(SNES newton, SNES snes, LatinLargeSeen *seen)
 {
-  SNES_Latin        *data   = (SNES_Latin *)snes->data;
-  LatinLarge        *large  = &data->large;
-  const PetscReal    before = it > 1 ? large->error : PETSC_MAX_REAL;
-  PetscReal          tensions, fnorm;
-  PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target), far;
-  KSPConvergedReason linear;
-  PetscInt           stages, last;
-  KSP                ksp;
-  Vec                r, u;
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  LatinLarge          *large     = &data->large;
+  const LatinStructure structure = large->frame->turns;
+  KSP                  ksp;
+  Vec                  r, u;
 
   PetscFunctionBegin;
   PetscCall(SNESGetSolution(newton, &u));
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(LatinLargeUnbalance_Private(newton, large, u, r, &fnorm));
+  PetscCall(LatinLargeUnbalance_Private(newton, large, u, r, &large->force));
   PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(KSPGetConvergedReason(ksp, &linear));
-  PetscCall(SNESGetLinearSolveIterations(newton, &stages));
-  PetscCall(KSPGetIterationNumber(ksp, &last));
-  large->force = fnorm;
-  large->error = tensions = step;
-  if (it == 1) {
-    large->first_step[0] = linear > 0 ? step : 1.0;
+  PetscCall(KSPGetConvergedReason(ksp, &seen->linear));
+  PetscCall(SNESGetLinearSolveIterations(newton, &seen->stages));
+  PetscCall(KSPGetIterationNumber(ksp, &seen->last));
+  seen->before = seen->it > 1 ? large->error : PETSC_MAX_REAL;
+  seen->small  = (PetscBool)(seen->length <= LATIN_LARGE_PROOF * data->target);
+  large->error = seen->tensions = seen->length;
+  if (seen->it == 1) {
+    large->first_step[0] = seen->linear > 0 ? seen->length : 1.0;
     large->first_step[1] = large->stretch;
   }
   /* in other cases PETSc has no singular values of the last iteration */
-  if (small && (linear > 0 || linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
-  else if (small) large->error = tensions = 1.0;
-  PetscCall(LatinEquilibriumFar_Private(large->frame->turns, u, &far));
+  if (seen->small && (seen->linear > 0 || seen->linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, seen->length, u, r, &large->error, &seen->tensions));
+  else if (seen->small) large->error = seen->tensions = 1.0;
+  PetscCall(LatinEquilibriumFar_Private(structure, u, &seen->far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
-  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, unbalanced forces %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
-                      (double)large->balance));
-  if (large->frame->turns->strain) PetscCall(LatinFrameChanged_Private(large->frame, large->frame->turns->strain, &large->changed));
-  data->estimate.tensions   = large->ahead ? tensions : -1.0;
-  large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
-  if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
-  else if (it > 1 && large->ahead && step > LATIN_LARGE_STEP && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it diverges */
-  else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  /* the same: large displacements make any relative step small */
-  else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL;
-  else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
-    large->error = PetscMax(step, data->estimate.floor);
-    *reason      = large->error <= data->target && fnorm <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
-    /* another solve as long as the last one would be cut short */
-  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT;
-  else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
+  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, unbalanced forces %g of %g\n", seen->it, (double)seen->length, (double)large->error, (double)data->target, (double)seen->tensions,
+                      (double)large->force, (double)large->balance));
+  if (structure->strain) PetscCall(LatinFrameChanged_Private(large->frame, structure->strain, &large->changed));
+  data->estimate.tensions = large->ahead ? seen->tensions : -1.0;
   PetscFunctionReturn(0);
+}
+
+/* Returns how Newton's method ends after a step; large->error: of the displacements there */
+static SNESConvergedReason LatinLargeReason(const SNES_Latin *data, LatinLarge *large, const LatinLargeSeen *seen)
+{
+  const PetscBool unbalanced = (PetscBool)(large->force > large->balance);
+  const PetscBool rounding   = (PetscBool)(seen->length < LATIN_LARGE_ROUND * data->estimate.floor); /* the step may be rounding */
+  const PetscBool small      = (PetscBool)(large->error <= data->target && seen->tensions <= SNESLatinTensionTarget(data));
+
+  if (seen->linear == KSP_DIVERGED_INDEFINITE_MAT) return SNES_DIVERGED_LINEAR_SOLVE;
+  if (seen->it > 1 && large->ahead && seen->length > LATIN_LARGE_STEP && unbalanced) return SNES_DIVERGED_DTOL;
+  if (seen->linear > 0 && seen->small && !large->softer && small && large->force <= large->balance) return SNES_CONVERGED_SNORM_RELATIVE;
+  if (seen->far && unbalanced && rounding) return SNES_DIVERGED_DTOL; /* large displacements make any relative step small */
+  if (rounding && large->error > LATIN_LARGE_SHRINK * seen->before) {
+    large->error = PetscMax(seen->length, data->estimate.floor);
+    return large->error <= data->target && large->force <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
+  }
+  if (seen->it >= LATIN_LARGE_STEPS || seen->stages >= large->most) return SNES_DIVERGED_MAX_IT;
+  if (large->iterated && seen->stages + seen->last > large->most) return SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
+  if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) return SNES_DIVERGED_MAX_IT;
+  return SNES_CONVERGED_ITERATING;
 }
 
 static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  LatinLarge    *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
-  SNESLineSearch search;
-  PetscReal      part;
+  SNES_Latin          *data      = (SNES_Latin *)((SNES)ctx)->data;
+  LatinLarge          *large     = &data->large;
+  const LatinStructure structure = large->frame->turns;
+  LatinLargeSeen       seen      = {.it = it};
+  SNESLineSearch       search;
+  PetscReal            part;
+  PetscBool            rests;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
   PetscCall(SNESGetLineSearch(newton, &search));
   PetscCall(SNESLineSearchGetLambda(search, &part));
   if (!it) PetscCall(VecNorm(newton->vec_sol, NORM_2, &xnorm)); /* PETSc passes 0 before the first step */
+  rests = (PetscBool)(fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size);
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
-  else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* rounding of a self-stress */ large->error = 0.0;
-    *reason                                                                                                                                                               = SNES_CONVERGED_FNORM_ABS;
-    /* the whole step: a damped one is small without convergence as well */
-  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, reason));
+  else if (rests) { /* the unbalanced forces are rounding of a self-stress */ large->error = 0.0;
+    *reason                                                                                = SNES_CONVERGED_FNORM_ABS;
+  }
+  if (*reason || !it) PetscFunctionReturn(0);
+  seen.length = xnorm > 0.0 ? snorm / (part * xnorm) : 0.0; /* of the whole step: a damped one is small without convergence as well */
+  PetscCall(LatinLargeMeasure_Private(newton, (SNES)ctx, &seen));
+  structure->hold = (structure->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, seen.length);
+  *reason         = LatinLargeReason(data, large, &seen);
   PetscFunctionReturn(0);
 }
 
