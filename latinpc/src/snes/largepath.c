@@ -292,7 +292,38 @@ static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, P
   PetscFunctionReturn(0);
 }
 
-/* Solves: along a path of the loads if links bear compression, else at once. Starts from the state z. Collective on snes */
+/*
+   Returns in *follows whether the solve follows a path: if links bear compression, so that the equilibrium need not be unique. Not in time steps; not for
+   stops that compare with an iterate; not from the state of a warm start without a path. Collective on snes
+*/
+static PetscErrorCode LatinPathFollowed_Private(SNES snes, PetscBool *follows)
+{
+  const SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame->turns;
+  const PetscBool      other     = (PetscBool)(data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !data->large.solution));
+
+  PetscFunctionBegin;
+  *follows = PETSC_FALSE;
+  PetscCall(LatinPathStruts_Private(structure, follows, NULL));
+  if (structure->midpoint || other) *follows = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Solves for the whole loads at once. Collective on snes */
+static PetscErrorCode LatinPathAtOnce_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   done;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeIterate_Private(snes));
+  if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_TRUE, &done));
+  data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+  PetscCall(VecDestroy(&data->large.solution));
+  PetscFunctionReturn(0);
+}
+
+/* Solves along a path of the loads if links bear compression, else at once. Starts from the state z. Collective on snes */
 PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -300,20 +331,14 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   LatinStructure structure = large->frame->turns;
   Vec            rhs       = snes->vec_rhs, work[6];
   LatinStopType  stop      = data->stop;
-  PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
+  PetscBool      follows, from = PETSC_FALSE;
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathStruts_Private(structure, &struts, NULL));
-  if (structure->midpoint && SNESLatinLargeProves(data)) {
-    PetscCall(SNESLatinLargeStep_Private(snes));
-    PetscFunctionReturn(0);
-  }
-  if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !large->solution)) {
-    PetscCall(SNESLatinLargeIterate_Private(snes));
-    if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_TRUE, &from));
-    large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
-    PetscCall(VecDestroy(&large->solution));
+  PetscCall(LatinPathFollowed_Private(snes, &follows));
+  if (!follows) {
+    if (structure->midpoint && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeStep_Private(snes));
+    else PetscCall(LatinPathAtOnce_Private(snes));
     PetscFunctionReturn(0);
   }
   for (PetscInt i = 0; i < 6; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
