@@ -83,9 +83,37 @@ static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
   PetscFunctionReturn(0);
 }
 
+/* Sums of squares over rigid links, of a multiplier update */
+typedef struct {
+  PetscReal changes, tensions; /* of the tensions; the tensions */
+  PetscReal gaps, terms;       /* gap errors; terms of the gaps, which rounding multiplies */
+} LatinMultiplierSums;
+
+/* Sets the multipliers to the tensions of the springs at u, and newton->tension to their changes. Collective on newton->structure */
+static PetscErrorCode LatinMultipliersRenew_Private(LatinNewton *newton, Vec u, LatinMultiplierSums *sum)
+{
+  const LatinStructure structure = newton->structure;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(sum, sizeof(*sum)));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal last = newton->multiplier[l];
+
+    if (!LatinLaws[structure->law[l]].rigid) continue;
+    newton->multiplier[l] = newton->tension[l];
+    newton->tension[l] -= last;
+    sum->changes += PetscSqr(newton->tension[l]);
+    sum->tensions += PetscSqr(newton->multiplier[l]);
+    sum->gaps += PetscSqr(newton->tension[l] / newton->penalty[l]);
+    if (newton->multiplier[l] != 0.0) sum->terms += PetscSqr(structure->e0[l]) + PetscSqr(newton->multiplier[l] / newton->penalty[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscFunctionReturn(0);
+}
+
 /*
-   Multiplier update: sets the multipliers to the tensions of the springs at u. An update reduces the gap errors by the factor K / (K + r), with K the
-   stiffness of the structure around the links.
+   Multiplier update. It reduces the gap errors by the factor K / (K + r), with K the stiffness of the structure around the links.
 
    *done: the changes of displacements (since `before`) and of tensions (relative to all tensions or to the loads) are below the requested errors, and
    so are their extrapolations at the measured rate. With incompatible gaps K is infinite: newton->found reports jammed links. grown: penalty relative
@@ -94,37 +122,27 @@ static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)
 static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
-  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares: changes of tensions, tensions, gap errors, rounded terms of gaps */
+  const PetscReal      target    = PetscMin(newton->target, newton->tension_target);
+  PetscReal            size, least, closes = 1.0; /* closes: part of the gap errors that this update has removed */
   PetscBool            misses, stays, rests;
+  LatinMultiplierSums  sum;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal last = newton->multiplier[l];
-
-    if (!LatinLaws[structure->law[l]].rigid) continue;
-    newton->multiplier[l] = newton->tension[l];
-    newton->tension[l] -= last;
-    sum[0] += PetscSqr(newton->tension[l]);
-    sum[1] += PetscSqr(newton->multiplier[l]);
-    sum[2] += PetscSqr(newton->tension[l] / newton->penalty[l]);
-    if (newton->multiplier[l] != 0.0) sum[3] += PetscSqr(structure->e0[l]) + PetscSqr(newton->multiplier[l] / newton->penalty[l]);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinMultipliersRenew_Private(newton, u, &sum));
   PetscCall(VecAXPY(before, -1.0, u));
   PetscCall(VecNorm(before, NORM_2, moved));
-  PetscCall(LatinStepRests_Private(structure, before, PetscSqrtReal(sum[1]), &rests));
+  PetscCall(LatinStepRests_Private(structure, before, PetscSqrtReal(sum.tensions), &rests));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  misses      = (PetscBool)(sum[2] > PetscSqr(LATIN_NEWTON_REST) * (PetscSqr(size) + sum[3]));
-  closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
+  misses = (PetscBool)(sum.gaps > PetscSqr(LATIN_NEWTON_REST) * (PetscSqr(size) + sum.terms));
+  if (misses) closes = newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum.gaps / newton->gap) : 0.0;
   stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
-  newton->gap = sum[2];
-  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0; /* too early to see tensions that converge slowly */
+  newton->gap = sum.gaps;
+  if (misses && *change > target) closes = 0.0; /* too early to see tensions that converge slowly */
   /* relative to the loads as well: small tensions may be rounding */
-  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;
-  *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* extrapolated change */
+  *change          = sum.changes > 0.0 ? PetscSqrtReal(sum.changes / PetscMax(PetscMax(sum.tensions, sum.changes), PetscSqr(newton->loads))) : 0.0;
+  *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * target); /* extrapolated change */
   newton->tensions = *change;
   if (stays && !*done) PetscCall(LatinMultipliersLeap_Private(newton));
   PetscCall(LatinEquilibriumFarkas_Private(structure, u, stays, newton->tension, &newton->found));
