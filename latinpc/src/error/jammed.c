@@ -85,7 +85,7 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   Vec            u;
 
   PetscFunctionBegin;
-  if (structure->rigid_law < 0 || (structure->rubs && !structure->ground)) PetscFunctionReturn(0);
+  if (structure->rigid_law < 0 || (structure->has_friction && !structure->ground)) PetscFunctionReturn(0);
   PetscCall(PetscMalloc2(structure->links_local, &before, structure->links_local, &dtau));
   PetscCall(PetscArraycpy(before, latin->linear.rigid_tension, structure->links_local));
   PetscCall(LatinInitialState_Private(&latin->linear, z));

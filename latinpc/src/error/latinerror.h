@@ -131,7 +131,7 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec wor
 */
 static inline PetscBool LatinCollapseMay(const LatinStructure structure)
 {
-  return (PetscBool) !(structure->ground || structure->rubs || structure->span);
+  return (PetscBool) !(structure->ground || structure->has_friction || structure->span);
 }
 
 /*
@@ -233,7 +233,7 @@ typedef struct {
 /* Whether link l follows a table or a law of the user, linearised in each step. With friction only; else yield tensions are bounds */
 static inline PetscBool LatinPrimalDualFollows(const LatinPrimalDual *c, PetscInt l)
 {
-  return (PetscBool)(c->structure->rubs && c->structure->law[l] > LATIN_LAW_TANGENT);
+  return (PetscBool)(c->structure->has_friction && c->structure->law[l] > LATIN_LAW_TANGENT);
 }
 
 static inline PetscReal LatinBoundSign(PetscInt side)

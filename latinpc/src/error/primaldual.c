@@ -117,14 +117,14 @@ PetscErrorCode LatinPrimalDualOperator_Private(LatinPrimalDual *c, PetscBool sli
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = c->reference + PetscMax(c->w[l], c->floor);
-  if (c->structure->rubs) {
+  if (c->structure->has_friction) {
     PetscCall(MatZeroEntries(c->A));
     if (slips) PetscCall(LatinSlipsAdd_Private(c, c->A));
     PetscCall(LatinStructureAssemble_Private(c->structure, c->rhs, c->A));
     PetscCall(LatinPrimalDualShift_Private(c));
   } else PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
-  if (!c->structure->rubs) PetscFunctionReturn(0);
+  if (!c->structure->has_friction) PetscFunctionReturn(0);
   PetscCall(LatinFactorTry_Private(c->ksp, c->A, &status));
   failed = LatinFactorFailed(&status);
   PetscCall(MPIU_Allreduce(&failed, &c->singular, 1, LATIN_MPI_BOOL, MPI_LOR, PetscObjectComm((PetscObject)c->structure)));
@@ -233,7 +233,7 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
 */
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
-  const PetscInt power = c->structure->rubs && c->turns % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
+  const PetscInt power = c->structure->has_friction && c->turns % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
   PetscReal      length, after;
 
   PetscFunctionBegin;
@@ -276,7 +276,7 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *fai
     PetscCall(LatinPrimalDualDirection_Private(c, &aim, failed));
   }
   if (*failed) PetscFunctionReturn(0);
-  if (c->structure->rubs) back = PetscMin(back, PetscMax(LATIN_SLIP_LENGTH, 1.0 - aim / c->mean));
+  if (c->structure->has_friction) back = PetscMin(back, PetscMax(LATIN_SLIP_LENGTH, 1.0 - aim / c->mean));
   PetscCall(LatinPrimalDualLength_Private(c, back, &c->length));
   PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
   PetscCall(VecAXPY(c->d, c->length, c->dd));
@@ -292,6 +292,6 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *fai
   }
   c->unbalance *= 1.0 - c->length;
   PetscCall(LatinPrimalDualElongations_Private(c));
-  if (c->structure->rubs) PetscCall(LatinSlipsMove_Private(c));
+  if (c->structure->has_friction) PetscCall(LatinSlipsMove_Private(c));
   PetscFunctionReturn(0);
 }

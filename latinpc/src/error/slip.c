@@ -28,7 +28,7 @@ PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
   PetscInt n = 0;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < c->n && c->structure->rubs; l++) n += LatinSlipMay(c, l);
+  for (PetscInt l = 0; l < c->n && c->structure->has_friction; l++) n += LatinSlipMay(c, l);
   PetscCall(PetscCalloc1(n, &c->slip));
   for (PetscInt l = 0; l < c->n && c->slips < n; l++)
     if (LatinSlipMay(c, l)) c->slip[c->slips++].link = l;

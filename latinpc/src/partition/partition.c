@@ -210,7 +210,7 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRe
     *count = request->subdomains;
   } else PetscCall(LatinPartitionMake_Private(structure, request, of_link, count));
   if (is) PetscCall(ISRestoreIndices(is, &given));
-  if (structure->rubs) PetscCall(LatinPartitionContacts_Private(structure, (PetscBool)known, of_link));
+  if (structure->has_friction) PetscCall(LatinPartitionContacts_Private(structure, (PetscBool)known, of_link));
   PetscCall(LatinPartitionNumber_Private(structure, (PetscBool)known, of_link, count));
   LatinAgree(comm, known && request->subdomains && request->subdomains != *count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", *count,
              request->subdomains);

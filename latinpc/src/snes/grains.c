@@ -17,7 +17,7 @@ PetscErrorCode SNESLatinCollapsed_Private(SNES snes, PetscBool *collapsed)
 
   PetscFunctionBegin;
   *collapsed = PETSC_FALSE;
-  if (!structure->rubs || structure->ground) PetscFunctionReturn(0);
+  if (!structure->has_friction || structure->ground) PetscFunctionReturn(0);
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, collapsed));
@@ -120,7 +120,7 @@ PetscErrorCode SNESLatinGrains_Private(SNES snes, LatinNext *next)
   PetscBool            due       = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && SNESLatinStageLimit(snes) >= LATIN_JAM_LEAST));
 
   PetscFunctionBegin;
-  if (!structure->rubs || data->newton.type == LATIN_NEWTON_NEVER || data->newton.collapse_searched) PetscFunctionReturn(0);
+  if (!structure->has_friction || data->newton.type == LATIN_NEWTON_NEVER || data->newton.collapse_searched) PetscFunctionReturn(0);
   if (data->newton.grains && *next == LATIN_NEXT_CONTINUE && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &due));
   if (due) PetscCall(SNESLatinAdmissible_Private(snes, next));
   PetscFunctionReturn(0);

@@ -44,15 +44,15 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  if (structure->rubs && !(most > 0.0)) links = structure->links_global;
+  if (structure->has_friction && !(most > 0.0)) links = structure->links_global;
   newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && links <= LATIN_NEWTON_GRAINS);
-  newton->grains            = (PetscBool)(structure->rubs && !(most > 0.0));
+  newton->grains            = (PetscBool)(structure->has_friction && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
-  newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->rubs);
+  newton->own_laws          = (PetscBool)(structure->own_laws && !structure->ground && !structure->has_friction);
   PetscCall(LatinNewtonOwn_Private(structure, &own));
-  newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
+  newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->has_friction)));
   newton->most     = LATIN_NEWTON_STAGES;
-  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction Newton's method may fail although there is an equilibrium */
+  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->has_friction); /* with friction Newton's method may fail although there is an equilibrium */
   PetscFunctionReturn(0);
 }
 

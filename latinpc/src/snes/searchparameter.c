@@ -53,7 +53,7 @@ PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *paramete
     else kinds |= LatinStructureTuned(structure, l) ? 2 : 4;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &kinds, 1, MPIU_INT, MPI_BOR, PetscObjectComm((PetscObject)latin)));
-  parameter->alone  = (PetscBool)(structure->rubs && kinds == 2);
+  parameter->alone  = (PetscBool)(structure->has_friction && kinds == 2);
   parameter->beside = (PetscBool)((kinds & 3) == 3);
   if (!(parameter->alone || parameter->beside)) PetscFunctionReturn(0);
   PetscCall(PetscFree2(parameter->tension, parameter->stretch));

@@ -137,7 +137,7 @@ static PetscErrorCode SNESLatinLift_Private(SNES snes)
   estimate->value = PetscMax(estimate->value, found->error);
   if (estimate->tensions < 0.0) PetscFunctionReturn(0);
   estimate->tensions = PetscMax(estimate->tensions, PetscMax(found->forces, found->unbalance));
-  if (data->latin->sub.structure->rubs && loads > 0.0) estimate->tensions = PetscMax(estimate->tensions, data->residual / loads);
+  if (data->latin->sub.structure->has_friction && loads > 0.0) estimate->tensions = PetscMax(estimate->tensions, data->residual / loads);
   PetscFunctionReturn(0);
 }
 

@@ -203,8 +203,8 @@ static PetscErrorCode SNESLatinNewtonFailed_Private(SNES snes, PetscBool own, SN
   PetscFunctionBegin;
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
-  if ((own && elastic) || (structure->rubs && structure->ground)) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
-  if (structure->rubs && !structure->ground) newton->slides = data->latin->linear.applications + LATIN_SLIDES_AFTER;
+  if ((own && elastic) || (structure->has_friction && structure->ground)) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  if (structure->has_friction && !structure->ground) newton->slides = data->latin->linear.applications + LATIN_SLIDES_AFTER;
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
@@ -232,7 +232,7 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (done) PetscFunctionReturn(0);
   if (own) data->newton.stall = PETSC_FALSE;
   PetscCall(SNESLatinNewtonGoal_Private(snes));
-  if (structure->rubs) PetscCall(SNESLatinCoulomb_Private(snes, &reason));
+  if (structure->has_friction) PetscCall(SNESLatinCoulomb_Private(snes, &reason));
   else PetscCall(SNESLatinNewtonRun_Private(snes, stall, own, &reason));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_CONVERGED) PetscFunctionReturn(0);
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));

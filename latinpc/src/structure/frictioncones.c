@@ -34,7 +34,7 @@ PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *new
   PetscFunctionBegin;
   PetscCall(LatinStructureDerive_Private(base, "Cones of contacts with friction", &cones));
   cones->cones_of          = base;
-  cones->rubs              = PETSC_FALSE;
+  cones->has_friction      = PETSC_FALSE;
   cones->rigid_law         = LATIN_LAW_CONTACT;
   cones->prescribed        = base->prescribed;
   cones->vertex_prescribed = base->vertex_prescribed;

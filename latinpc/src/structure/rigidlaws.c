@@ -19,7 +19,7 @@ PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
   PetscInt         bad = -1, skew = -1, without = -1;
 
   PetscFunctionBegin;
-  if (!structure->rubs) PetscFunctionReturn(0);
+  if (!structure->has_friction) PetscFunctionReturn(0);
   for (PetscInt l = 0, parts; l < n && bad < 0; l += parts) {
     parts = law[l] == LATIN_LAW_FRICTION ? dim : 1;
     if (law[l] == LATIN_LAW_TANGENT || l + parts > n) bad = l;
@@ -98,7 +98,7 @@ PetscErrorCode LatinStructureRigidScale_Private(LatinStructure step, PetscReal *
   /* without gaps, tensions do not depend on the search parameter */
   gap    = sum.gap > 0.0 ? sum.gap / sum.rigid : LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
   *scale = gap > 0.0 && sum.load > 0.0 ? sum.load / sum.loaded / gap : 1.0;
-  if (structure->rubs) *scale *= LATIN_RIGID_RUBS;
+  if (structure->has_friction) *scale *= LATIN_RIGID_RUBS;
   PetscFunctionReturn(0);
 }
 

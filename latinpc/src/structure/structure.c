@@ -169,10 +169,10 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
     structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 4, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  structure->rigid_law = kinds[0] ? LATIN_LAW_TANGENT + 1 - kinds[0] : -1;
-  structure->general   = (PetscBool)(kinds[1] > 0);
-  structure->rubs      = (PetscBool)(kinds[2] > 0);
-  structure->own_laws  = (PetscBool)(kinds[3] > 0);
+  structure->rigid_law    = kinds[0] ? LATIN_LAW_TANGENT + 1 - kinds[0] : -1;
+  structure->general      = (PetscBool)(kinds[1] > 0);
+  structure->has_friction = (PetscBool)(kinds[2] > 0);
+  structure->own_laws     = (PetscBool)(kinds[3] > 0);
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscCall(LatinStructureSetInitialElongations(structure, e0));
   if (structure->set_up) {

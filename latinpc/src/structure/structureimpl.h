@@ -38,22 +38,22 @@ struct _p_LatinStructure {
   PetscBool *fixed;      /* [nodes_local][dim] */
   PetscInt  *global_dof; /* [nodes_local][dim] entries in DM global vectors, negative where prescribed */
   /* the caller's links of this rank */
-  PetscInt     *nodes;         /* [links_local][2] global node numbers */
-  PetscInt     *ends;          /* [links_local][2] vertices of the DM */
-  PetscInt     *law;           /* [links_local] LatinLawType */
-  PetscReal    *stiffness;     /* [links_local] k, force/length; of rigid links the search parameter, 0: automatic */
-  PetscReal    *direction;     /* [links_local][dim] unit vectors n, by default from the first to the second node: a row of B is (-n, n) */
-  PetscReal    *friction;      /* [links_local] coefficients of friction, valid at normal parts of contacts; NULL: not set */
-  PetscInt      rigid_law;     /* first law in the table that rigid links of any rank have; -1: no rigid links */
-  PetscBool     general, rubs; /* whether any rank has laws beyond bar, cable and compression only; contacts with friction */
-  PetscBool     own_laws;      /* whether any rank has registered laws (structure/userlaws.c) */
-  PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices of this rank */
-  PetscInt      vertices;      /* number of the DM's vertices on this rank */
-  PetscInt      unlinked;      /* number of this rank's nodes without links: the last vertices */
-  PetscInt      shared;        /* number of vertices that other ranks have as well */
-  PetscInt     *shared_vertex; /* [shared] their numbers here, ascending */
-  PetscSF       shared_sf;     /* from their owners to the other ranks, by indices in this list; NULL: one rank */
-  PetscInt      flies;         /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
+  PetscInt     *nodes;                 /* [links_local][2] global node numbers */
+  PetscInt     *ends;                  /* [links_local][2] vertices of the DM */
+  PetscInt     *law;                   /* [links_local] LatinLawType */
+  PetscReal    *stiffness;             /* [links_local] k, force/length; of rigid links the search parameter, 0: automatic */
+  PetscReal    *direction;             /* [links_local][dim] unit vectors n, by default from the first to the second node: a row of B is (-n, n) */
+  PetscReal    *friction;              /* [links_local] coefficients of friction, valid at normal parts of contacts; NULL: not set */
+  PetscInt      rigid_law;             /* first law in the table that rigid links of any rank have; -1: no rigid links */
+  PetscBool     general, has_friction; /* whether any rank has laws beyond bar, cable and compression only; contacts with friction */
+  PetscBool     own_laws;              /* whether any rank has registered laws (structure/userlaws.c) */
+  PetscSF       vertex_sf;             /* from the caller's nodes to the DM's vertices of this rank */
+  PetscInt      vertices;              /* number of the DM's vertices on this rank */
+  PetscInt      unlinked;              /* number of this rank's nodes without links: the last vertices */
+  PetscInt      shared;                /* number of vertices that other ranks have as well */
+  PetscInt     *shared_vertex;         /* [shared] their numbers here, ascending */
+  PetscSF       shared_sf;             /* from their owners to the other ranks, by indices in this list; NULL: one rank */
+  PetscInt      flies;                 /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
   PetscBool     set_up;
   LatinGeometry geometry; /* rotations of links (structure/turning.c) */
   PetscBool    *keeps;    /* [links_local] geometry large: whether a link has a fixed direction; else NULL */

@@ -283,7 +283,7 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_INT, structure->law, sub->law));
   if (structure->part) PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* + 1: not NULL, even without links here */
   PetscCall(LatinSubdomainsRefresh(sub));
-  if (structure->rubs) {
+  if (structure->has_friction) {
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
     PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->friction, sub->friction));
   }

@@ -62,7 +62,7 @@ static PetscErrorCode LatinUnknownCause_Private(TS ts, LatinStructure step, SNES
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   if (latin) PetscCall(SNESLatinGetEstimates(snes, NULL, NULL, NULL, &floor));
   stuck = (PetscBool)(latin && limit && snes->iter < snes->max_its);
-  if (latin && step->rubs && (inner || stuck)) {
+  if (latin && step->has_friction && (inner || stuck)) {
     PetscCall(LatinSupportsMove_Private(step, &move));
     PetscCall(PetscStrlcat(cause,
                            move ? "Contacts with friction: the step may have no solution, as where supports that move wedge nodes between contacts. Move them another way, or reduce the friction. "
