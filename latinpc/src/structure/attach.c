@@ -200,7 +200,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
-  PetscCall(LatinStructureCheckFlies_Private(structure));
+  PetscCall(LatinStructureCheckFreeUnlinked_Private(structure));
   PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)snes));
   PetscCall(SNESLatinFindStructure_Private(snes, &before));
   PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&attached));

@@ -239,7 +239,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscFunctionReturn(0);
 }
 
-/* Checks that nodes without links are fixed or have a mass ([nodes_local], or NULL); sets structure->flies. Collective on structure */
+/* Checks that nodes without links are fixed or have a mass ([nodes_local], or NULL); sets structure->free_unlinked. Collective on structure */
 PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, const PetscReal mass[])
 {
   const PetscInt     dim = structure->dim;
@@ -258,16 +258,17 @@ PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, con
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, first, 2, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)structure)));
   PetscCheck(first[1] == PETSC_MAX_INT, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free along %c but no link reaches it; remove it, prescribe its displacement, or, for a motion, give it a mass",
              first[1] / dim, "xyz"[first[1] % dim]);
-  structure->flies = first[0] == PETSC_MAX_INT ? -1 : first[0];
+  structure->free_unlinked = first[0] == PETSC_MAX_INT ? -1 : first[0];
   PetscFunctionReturn(0);
 }
 
 /* Checks that, in statics, no node without links is free. Collective on structure */
-PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
+PetscErrorCode LatinStructureCheckFreeUnlinked_Private(LatinStructure structure)
 {
   PetscFunctionBegin;
-  PetscCheck(structure->ground || structure->flies < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
-             "Node %" PetscInt_FMT " is free along %c but no link reaches it; remove it or prescribe its displacement: a mass holds it in a motion (TS) only", structure->flies / structure->dim, "xyz"[structure->flies % structure->dim]);
+  PetscCheck(structure->ground || structure->free_unlinked < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
+             "Node %" PetscInt_FMT " is free along %c but no link reaches it; remove it or prescribe its displacement: a mass holds it in a motion (TS) only", structure->free_unlinked / structure->dim,
+             "xyz"[structure->free_unlinked % structure->dim]);
   PetscFunctionReturn(0);
 }
 

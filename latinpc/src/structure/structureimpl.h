@@ -53,7 +53,7 @@ struct _p_LatinStructure {
   PetscInt      shared;                /* number of vertices that other ranks have as well */
   PetscInt     *shared_vertex;         /* [shared] their numbers here, ascending */
   PetscSF       shared_sf;             /* from their owners to the other ranks, by indices in this list; NULL: one rank */
-  PetscInt      flies;                 /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
+  PetscInt      free_unlinked;         /* first free component, dim * node + direction, of a node without links on any rank; -1: none */
   PetscBool     set_up;
   LatinGeometry geometry; /* rotations of links (structure/turning.c) */
   PetscBool    *keeps;    /* [links_local] geometry large: whether a link has a fixed direction; else NULL */
@@ -257,7 +257,7 @@ static inline PetscBool LatinStructureKeeps(const LatinStructure structure, Pets
 PETSC_INTERN PetscErrorCode LatinStructureDirections_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure, const PetscReal mass[]);
-PETSC_INTERN PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckFreeUnlinked_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureComposeDM_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 

@@ -189,8 +189,8 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
   PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sub->dof_sf));
   PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
   PetscCall(PetscFree2(remote, local));
-  PetscCall(LatinStructureCheckFlies_Private(structure));
-  if (structure->flies >= 0) PetscCall(LatinSubdomainsUnassigned_Private(sub));
+  PetscCall(LatinStructureCheckFreeUnlinked_Private(structure));
+  if (structure->free_unlinked >= 0) PetscCall(LatinSubdomainsUnassigned_Private(sub));
   if (structure->ground) {
     PetscCall(PetscCalloc1(dim * n, &sub->ground));
     PetscCall(LatinDistribute_Private(sub, structure->ground, sub->ground));
