@@ -217,17 +217,17 @@ typedef struct {
   PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
-  PetscInt       turns;   /* remedies used in snes/coulomb.c; odd: a lift was the last */
-  PetscBool      settles; /* pushes of contacts settle */
-  PetscReal      aim;     /* target of the mean product while pushes settle */
-  PetscReal      change;  /* relative change of the pushes by the last step */
-  PetscReal     *x, *dx;  /* [n] elongations, their steps */
-  PetscReal     *t, *dt;  /* [n] tensions */
-  PetscReal     *w, *rhs; /* [n] weights of links; work */
-  PetscReal     *give;    /* [n] c */
-  LatinBound (*side)[2];  /* [n] */
-  PetscInt   slips;       /* contacts with friction of this rank */
-  LatinSlip *slip;        /* [slips] */
+  PetscInt       remedies; /* remedies used in snes/coulomb.c; odd: a lift was the last */
+  PetscBool      settles;  /* pushes of contacts settle */
+  PetscReal      aim;      /* target of the mean product while pushes settle */
+  PetscReal      change;   /* relative change of the pushes by the last step */
+  PetscReal     *x, *dx;   /* [n] elongations, their steps */
+  PetscReal     *t, *dt;   /* [n] tensions */
+  PetscReal     *w, *rhs;  /* [n] weights of links; work */
+  PetscReal     *give;     /* [n] c */
+  LatinBound (*side)[2];   /* [n] */
+  PetscInt   slips;        /* contacts with friction of this rank */
+  LatinSlip *slip;         /* [slips] */
 } LatinPrimalDual;
 
 /* Whether link l follows a table or a law of the user, linearised in each step. With friction only; else yield tensions are bounds */

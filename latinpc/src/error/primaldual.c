@@ -233,7 +233,7 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
 */
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
-  const PetscInt power = c->structure->has_friction && c->turns % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
+  const PetscInt power = c->structure->has_friction && c->remedies % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
   PetscReal      length, after;
 
   PetscFunctionBegin;

@@ -129,7 +129,7 @@ static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb 
     run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
     if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
     run->count = 0;
-    if (++c->turns % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
+    if (++c->remedies % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
     else LatinSlipsSettle(c, PETSC_TRUE);
     c->aim    = c->mean;
     run->goal = LATIN_COULOMB_REDUCED * c->mean;
