@@ -141,10 +141,10 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   latin->partition.corners = (PetscBool)(variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED || (variant == LATIN_VARIANT_AUTO && !latin->partition.primal));
   latin->partition.prefix  = LatinPrefix(&latin->sub);
   PetscCall(PetscMalloc1(structure->links_local, &of_link));
-  if (structure->turns) { /* all parts of a link go to the same subdomain */
+  if (structure->original) { /* all parts of a link go to the same subdomain */
     const PetscInt parts = structure->dim;
 
-    PetscCall(LatinPartition_Private(structure->turns, &latin->partition, of_link, &count));
+    PetscCall(LatinPartition_Private(structure->original, &latin->partition, of_link, &count));
     for (PetscInt l = structure->links_local - 1; l >= 0; l--) of_link[l] = of_link[l / parts];
   } else PetscCall(LatinPartition_Private(structure, &latin->partition, of_link, &count));
   PetscCall(LatinSubdomainsSetUp(&latin->sub, of_link, count));
@@ -280,7 +280,7 @@ static LatinRebuild LatinChanges(Latin latin, PetscObjectState state)
   if (!latin->set_up || (latin->stale && !latin->tuned)) return LATIN_REBUILD_ALL;
   if (!structure) return latin->renews ? LATIN_REBUILD_OPERATORS : LATIN_REBUILD_ALL;
   /* laws have changed, or only the parts of links have rotated (structure/frame.c) */
-  if (state != latin->structure_state) return structure->turns && latin->structure_state >= structure->parts_state ? LATIN_REBUILD_OPERATORS : LATIN_REBUILD_ALL;
+  if (state != latin->structure_state) return structure->original && latin->structure_state >= structure->parts_state ? LATIN_REBUILD_OPERATORS : LATIN_REBUILD_ALL;
   if (latin->renews || latin->tuned) return LATIN_REBUILD_OPERATORS;
   if (latin->held_state != structure->held_state || latin->load_state != structure->load_state || latin->e0_state != structure->e0_state) return LATIN_REBUILD_LOADS;
   return LATIN_REBUILD_NOTHING;

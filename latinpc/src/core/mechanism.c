@@ -142,8 +142,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
 
   PetscFunctionBegin;
   PetscCall(LatinMechanismNodes_Private(latin, field, &moved));
-  if (structure && !structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held));
-  if (structure && structure->turns) PetscCall(LatinMechanismDriven_Private(latin, field, moved.largest, &buckles));
+  if (structure && !structure->original) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held));
+  if (structure && structure->original) PetscCall(LatinMechanismDriven_Private(latin, field, moved.largest, &buckles));
   if (structure) PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
   if (!structure) {
     what  = "The matrix is singular, or not positive definite, or that of a subdomain has negative eigenvalues, as after MatShift()";

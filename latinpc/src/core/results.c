@@ -152,8 +152,8 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
   PetscCheck(latin->sub.structure, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_WRONG, "The decomposition is that of a matrix: it has no links");
-  if (latin->sub.structure->turns)
-    for (PetscInt l = 0; l < latin->sub.structure->turns->links_local; l++) subdomain[l] = latin->sub.of_link[latin->sub.dim * l];
+  if (latin->sub.structure->original)
+    for (PetscInt l = 0; l < latin->sub.structure->original->links_local; l++) subdomain[l] = latin->sub.of_link[latin->sub.dim * l];
   else PetscCall(PetscArraycpy(subdomain, latin->sub.of_link, latin->sub.structure->links_local));
   PetscFunctionReturn(0);
 }

@@ -43,7 +43,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
 
   PetscFunctionBegin;
   if (!SNESLatinLarge(data)) PetscFunctionReturn(0);
-  structure = large->frame->turns;
+  structure = large->frame->original;
   PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || !data->large.frame->spring, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
@@ -129,7 +129,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   PetscReal            drive;
 
   PetscFunctionBegin;
@@ -146,7 +146,7 @@ PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 */
 static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
 {
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   PetscReal           *strain    = large->ahead + structure->links_local, *tension, *other;
 
   PetscFunctionBegin;
@@ -171,7 +171,7 @@ static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
 static PetscErrorCode SNESLatinLargeStrains_Private(SNES snes, PetscReal tension[], PetscReal strain[])
 {
   SNES_Latin            *data  = (SNES_Latin *)snes->data;
-  const LatinStructure   frame = data->large.frame, structure = frame->turns;
+  const LatinStructure   frame = data->large.frame, structure = frame->original;
   const LatinSubdomains *sub = &data->latin->sub;
   PetscReal             *part, *here;
 
@@ -197,7 +197,7 @@ static PetscErrorCode SNESLatinLargeStrains_Private(SNES snes, PetscReal tension
 static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
 
   PetscFunctionBegin;
   if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a time step has its own tangent */
@@ -220,7 +220,7 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
   const PetscReal now    = PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force;
-  const PetscReal part   = large->frame->turns->strain || large->frame->turns->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
+  const PetscReal part   = large->frame->original->strain || large->frame->original->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
   PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION];
   const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
 
@@ -259,7 +259,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
-    if (!large->frame->turns->midpoint) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far)); /* the mean forces of a time step may balance there */
+    if (!large->frame->original->midpoint) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far)); /* the mean forces of a time step may balance there */
     if (*done) continue;
     if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
     if (!k && measures && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
@@ -285,7 +285,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
 PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBool near, PetscBool *done)
 {
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
-  LatinStructure structure = large->frame->turns;
+  LatinStructure structure = large->frame->original;
   PetscBool      measures;
   PetscReal      left = PETSC_MAX_REAL;
   Vec            u;

@@ -125,12 +125,12 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
   PetscFunctionBegin;
   *settles = PETSC_FALSE;
   if (!large->sheared || path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
   PetscCall(LatinBranchMode_Private(snes, path, v));
   PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURB * large->size, target->u));
   PetscCall(LatinPathDown_Private(snes, path, path->u, target->part, v, settles));
   if (*settles) PetscCall(VecCopy(v, target->u));
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
   PetscFunctionReturn(0);
 }
 
@@ -148,8 +148,8 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
   PetscFunctionBegin;
   *goes = PETSC_FALSE;
   if (path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &mode));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &mode));
   PetscCall(LatinBranchMode_Private(snes, path, mode));
   PetscCall(LatinBranchBegins_Private(snes, path, mode, more, v, &begins, &linear));
   *goes = (PetscBool)(begins && linear);
@@ -161,7 +161,7 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
     large->sheared = PETSC_TRUE;
     path->failed   = PETSC_MAX_REAL;
   }
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &mode));
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &mode));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
   PetscFunctionReturn(0);
 }

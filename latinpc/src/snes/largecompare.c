@@ -82,7 +82,7 @@ typedef struct {
 static PetscErrorCode LatinPathRatesCreate_Private(SNES snes, const LatinPath *path, const LatinPathTarget *target, LatinPathRates *rates)
 {
   const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   PetscReal            before, step;
 
   PetscFunctionBegin;
@@ -126,7 +126,7 @@ static PetscErrorCode LatinPathFollows_Private(LatinStructure structure, const L
 */
 static PetscErrorCode LatinPathStiffens_Private(SNES snes, const LatinPath *path, const LatinPathTarget *target, const LatinPathRates *rates, PetscBool *stiffens)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   PetscBool            allowed;
 
   PetscFunctionBegin;
@@ -146,7 +146,7 @@ static PetscErrorCode LatinPathStiffens_Private(SNES snes, const LatinPath *path
 */
 PetscErrorCode LatinPathCompare_Private(SNES snes, LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   PetscBool            follows, stiffens = PETSC_FALSE;
   LatinPathRates       rates;
 

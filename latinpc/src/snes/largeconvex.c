@@ -4,7 +4,7 @@
 static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], PetscBool *found)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   Vec                  start;
 
   PetscFunctionBegin;
@@ -25,7 +25,7 @@ static PetscErrorCode LatinConvexCables_Private(SNES snes, PetscReal tension[], 
 PetscErrorCode SNESLatinLargeTaut_Private(SNES snes, Vec u, PetscBool *taut)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   PetscMPIInt          other     = (PetscMPIInt)!SNESLatinLargeProves(data);
   PetscBool           *bar;
   PetscReal           *tension;

@@ -352,7 +352,7 @@ static PetscErrorCode LatinDescentRun_Private(LatinDescent *descent, PetscReal h
 PetscErrorCode SNESLatinLargeDescend_Private(SNES snes, PetscBool near, PetscBool *heavier, Vec u, PetscBool *rests)
 {
   const LatinLarge *large    = &((SNES_Latin *)snes->data)->large;
-  LatinDescent      descent  = {.snes = snes, .structure = large->frame->turns, .size = large->size, .near = near, .balance = LATIN_DESCENT_BALANCE};
+  LatinDescent      descent  = {.snes = snes, .structure = large->frame->original, .size = large->size, .near = near, .balance = LATIN_DESCENT_BALANCE};
   PetscReal         heaviest = 0.0, whole;
   KSP               ksp;
 

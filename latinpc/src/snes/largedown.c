@@ -11,7 +11,7 @@
 PetscErrorCode SNESLatinLargeConvex_Private(SNES snes, PetscBool leapt, PetscBool *done)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   PetscBool            struts = PETSC_FALSE, floors = PETSC_FALSE;
   Vec                  u;
 

@@ -67,7 +67,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
 static PetscErrorCode LatinLargeLost_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   const PetscScalar   *ground;
   PetscScalar         *u;
   PetscReal            most, all;

@@ -473,7 +473,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
 */
 PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscReal tension[], PetscBool *done)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   const PetscInt       n         = structure->links_local;
   LatinInterior        point     = {.structure = structure};
   PetscBool            suits     = PETSC_FALSE;

@@ -47,7 +47,7 @@ static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscIn
     large->half   = measure;
     large->halved = stage;
   }
-  return (PetscBool)(large->frame->turns->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
+  return (PetscBool)(large->frame->original->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
 }
 
 /* Whether the iteration has ended: failed, at the target, at rounding, or where Newton's method finishes it; else LATIN_NEXT_CONTINUE. Collective on snes */
@@ -109,14 +109,14 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   large->iterated = PETSC_FALSE;
   if (!*done && large->newton_failed) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_FALSE, done));
   if (*done) PetscFunctionReturn(0);
-  if (large->renewals > renewals || !large->frame->turns->midpoint) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  if (large->renewals > renewals || !large->frame->original->midpoint) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   data->current        = -1;
   large->newton_failed = PETSC_TRUE;
   large->near *= LATIN_LARGE_FAR;
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* the iteration rests where Newton's method finds no solution */
-  PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
-  far        = (PetscBool)(far || large->frame->turns->rigid_law >= 0);                                               /* incompatible rigid links repel each other */
+  PetscCall(LatinEquilibriumFar_Private(large->frame->original, snes->vec_sol, &far));
+  far        = (PetscBool)(far || large->frame->original->rigid_law >= 0);                                            /* incompatible rigid links repel each other */
   data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* diverging displacements rest nowhere */
   *done      = PETSC_TRUE;
   PetscFunctionReturn(0);

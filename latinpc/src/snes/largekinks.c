@@ -10,7 +10,7 @@
 PetscErrorCode LatinPathSlopes_Private(SNES snes, Vec u, PetscReal near, PetscBool stiffer, PetscBool loose, PetscReal slope[])
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   PetscReal            size, *at;
 
   PetscFunctionBegin;
@@ -44,7 +44,7 @@ PetscErrorCode LatinPathStiffer_Private(LatinStructure structure, const PetscRea
 /* Returns in *tightens whether any link is stiffer at v than at u, as a slack cable that becomes taut. Collective on snes */
 PetscErrorCode LatinPathTightens_Private(SNES snes, Vec u, Vec v, PetscBool *tightens)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   const PetscInt       n         = structure->links_local;
   PetscReal           *slope;
 

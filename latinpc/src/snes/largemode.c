@@ -14,7 +14,7 @@
 */
 PetscErrorCode LatinPathMode_Private(SNES snes, Vec u, Vec mode)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   PetscReal            moved     = 0.0;
   Vec                  force, pressed;
   Mat                  K;

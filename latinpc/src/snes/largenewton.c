@@ -63,8 +63,8 @@ static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec
 static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
   LatinLarge     *large = (LatinLarge *)ctx;
-  const PetscBool near  = (PetscBool)(large->frame->turns->hold <= LATIN_LARGE_HOLD * large->near);
-  PetscReal       rtol, part = near || large->frame->turns->midpoint ? 1.0 : LATIN_LARGE_FINER;
+  const PetscBool near  = (PetscBool)(large->frame->original->hold <= LATIN_LARGE_HOLD * large->near);
+  PetscReal       rtol, part = near || large->frame->original->midpoint ? 1.0 : LATIN_LARGE_FINER;
 
   PetscFunctionBegin;
   *reason = KSP_CONVERGED_ITERATING;
@@ -83,7 +83,7 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
 */
 static PetscErrorCode LatinLargeDifference_Private(const LatinLarge *large, const PetscReal a[], const PetscReal b[], PetscReal *difference)
 {
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   PetscReal            sum[3]    = {0.0, 0.0, 0.0};
 
   PetscFunctionBegin;
@@ -103,7 +103,7 @@ static PetscErrorCode LatinLargeDifference_Private(const LatinLarge *large, cons
 */
 static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, PetscReal step, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
 {
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   PetscReal           *tension, norm = 0.0, most, least = 1.0, left, part, moved;
   KSPNormType          type;
   KSP                  ksp;
@@ -133,7 +133,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
 /* Computes the unbalanced forces r at u with the laws themselves, not their straight lines, and their norm. Collective on newton */
 static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
 {
-  const LatinStructure   structure = large->frame->turns;
+  const LatinStructure   structure = large->frame->original;
   const PetscReal *const strain    = structure->strain;
 
   PetscFunctionBegin;
@@ -161,7 +161,7 @@ static PetscErrorCode LatinLargeMeasure_Private(SNES newton, SNES snes, LatinLar
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   LatinLarge          *large     = &data->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   KSP                  ksp;
   Vec                  r, u;
 
@@ -209,7 +209,7 @@ static SNESConvergedReason LatinLargeReason(const SNES_Latin *data, LatinLarge *
   }
   if (seen->it >= LATIN_LARGE_STEPS || seen->stages >= large->most) return SNES_DIVERGED_MAX_IT;
   if (large->iterated && seen->stages + seen->last > large->most) return SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
-  if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) return SNES_DIVERGED_MAX_IT;
+  if (large->frame->original->strain && large->changed > LATIN_LARGE_CHANGES) return SNES_DIVERGED_MAX_IT;
   return SNES_CONVERGED_ITERATING;
 }
 
@@ -217,7 +217,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
 {
   SNES_Latin          *data      = (SNES_Latin *)((SNES)ctx)->data;
   LatinLarge          *large     = &data->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   LatinLargeSeen       seen      = {.it = it};
   SNESLineSearch       search;
   PetscReal            part;
@@ -247,7 +247,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
 */
 static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step)
 {
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   PetscReal           *tension, *strain = large->ahead + structure->links_local;
 
   PetscFunctionBegin;
@@ -295,7 +295,7 @@ static PetscErrorCode LatinLargeJacobian_Private(SNES newton, Vec u, Mat A, Mat 
 static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
+  LatinStructure structure = data->large.frame->original;
   SNES           newton;
   KSP            ksp;
   PC             pc;
@@ -332,7 +332,7 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
 static PetscErrorCode LatinLargeTension_Private(SNES snes, PetscReal *norm)
 {
   const LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   const PetscInt       dim       = structure->dim;
   PetscReal           *tension, loads;
 
@@ -381,9 +381,9 @@ PetscErrorCode SNESLatinLargeClaim_Private(SNES snes, PetscReal error, LatinNext
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
-  data->large.frame->turns->strain = NULL; /* the laws themselves, not their straight lines */
-  data->estimate.value             = error;
-  data->next                       = next;
+  data->large.frame->original->strain = NULL; /* the laws themselves, not their straight lines */
+  data->estimate.value                = error;
+  data->next                          = next;
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));
   if (data->next == LATIN_NEXT_CONTINUE) data->next = LATIN_NEXT_CONVERGED;
@@ -412,7 +412,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   LatinLarge         *large = &data->large;
   SNESConvergedReason reason;
   KSPConvergedReason  linear;
-  const PetscInt      longest = large->frame->turns->midpoint ? (PetscInt)large->cost : LATIN_LARGE_LONG;
+  const PetscInt      longest = large->frame->original->midpoint ? (PetscInt)large->cost : LATIN_LARGE_LONG;
   PetscInt            steps, stages;
   KSP                 ksp;
 
@@ -422,7 +422,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   large->first_step[0] = large->first_step[1] = 1.0;
   large->force                                = PETSC_MAX_REAL;
   large->limit                                = PetscMin(longest, SNESLatinStagesLeft(snes));
-  large->most                                 = large->frame->turns->midpoint || large->frame->turns->strain ? large->limit : PetscMin(large->limit, (PetscInt)(LATIN_LARGE_STALE * large->cost));
+  large->most                                 = large->frame->original->midpoint || large->frame->original->strain ? large->limit : PetscMin(large->limit, (PetscInt)(LATIN_LARGE_STALE * large->cost));
   large->proofs                               = 0;
   large->changed = large->softer = 0;
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
@@ -440,11 +440,11 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
   large->slow     = (PetscBool)(reason == SNES_DIVERGED_MAX_IT || linear == KSP_DIVERGED_ITS);
   if (large->unstable) PetscCall(PetscInfo(snes, "The tangent stiffness is not positive definite\n"));
   PetscCall(PetscInfo(snes, "Newton's method ended with %s after %" PetscInt_FMT " linear iterations\n", SNESConvergedReasons[reason], stages));
-  *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->turns->midpoint || large->force <= large->balance)));
+  *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->original->midpoint || large->force <= large->balance)));
   if (!*done) PetscFunctionReturn(0);
   if (reason < 0) PetscCall(PetscInfo(snes, "The requested error, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
   /* a time step counts as converged at rounding */
-  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING));
+  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->original->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING));
   PetscFunctionReturn(0);
 }
 
@@ -452,7 +452,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
+  LatinStructure structure = data->large.frame->original;
   PetscReal     *slope;
   Mat            A, P;
 

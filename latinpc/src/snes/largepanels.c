@@ -32,7 +32,7 @@ typedef struct {
 /* Returns in *slackens whether path->u is a mechanism if links nearer to a kink than `near` are on the softer side. Overwrites path->step and path->more. Collective on snes */
 static PetscErrorCode LatinPanelsSlacken_Private(SNES snes, LatinPath *path, PetscReal near, PetscBool *slackens)
 {
-  LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   const PetscInt n         = structure->links_local;
   PetscBool      any;
   PetscReal      moved = 0.0, *slope;
@@ -126,8 +126,8 @@ PetscErrorCode LatinPathPanels_Private(SNES snes, LatinPath *path, PetscBool *go
   if (path->far < PETSC_MAX_REAL && far > 0.0) PetscCall(LatinPanelsSlacken_Private(snes, path, large->reached > 0.0 ? LATIN_PATH_STIFFENS * far : 0.0, &slackens));
   if (large->reached == 0.0) path->slackens = slackens;
   if (!slackens) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &last.u));
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &v));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &last.u));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
   PetscCall(LatinPanelsRun_Private(snes, path, far, &last, v, goes));
   if (*goes) {
     PetscCall(VecCopy(last.u, path->u));
@@ -136,7 +136,7 @@ PetscErrorCode LatinPathPanels_Private(SNES snes, LatinPath *path, PetscBool *go
     large->sheared = PETSC_TRUE;
     path->failed   = PETSC_MAX_REAL;
   }
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &v));
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &last.u));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &last.u));
   PetscFunctionReturn(0);
 }

@@ -189,7 +189,7 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscCall(SNESLatinSupportsAt_Private(snes, data->large.reached));
   PetscCall(LatinPathForces_Private(path->step));
   PetscCall(LatinPathMode_Private(snes, path->u, path->step));
-  PetscCall(LatinEquilibriumMoved_Private(data->large.frame->turns, path->step, &data->found));
+  PetscCall(LatinEquilibriumMoved_Private(data->large.frame->original, path->step, &data->found));
   PetscFunctionReturn(0);
 }
 
@@ -231,7 +231,7 @@ static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBoo
   Vec         u;
 
   PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(large->frame->turns->dm, &u));
+  PetscCall(DMGetGlobalVector(large->frame->original->dm, &u));
   PetscCall(VecCopy(path->u, u));
   PetscCall(LatinPathLoaded_Private(snes, path, starts));
   if (*starts) large->branch = -1.0;
@@ -239,7 +239,7 @@ static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBoo
     PetscCall(VecCopy(u, path->u));
     PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
   }
-  PetscCall(DMRestoreGlobalVector(large->frame->turns->dm, &u));
+  PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &u));
   PetscFunctionReturn(0);
 }
 
@@ -299,7 +299,7 @@ static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, P
 static PetscErrorCode LatinPathFollowed_Private(SNES snes, PetscBool *follows)
 {
   const SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
+  const LatinStructure structure = data->large.frame->original;
   const PetscBool      other     = (PetscBool)(data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !data->large.solution));
 
   PetscFunctionBegin;
@@ -328,7 +328,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinLarge    *large     = &data->large;
-  LatinStructure structure = large->frame->turns;
+  LatinStructure structure = large->frame->original;
   Vec            rhs       = snes->vec_rhs, work[6];
   LatinStopType  stop      = data->stop;
   PetscBool      follows, from = PETSC_FALSE;

@@ -7,7 +7,7 @@
 /* Sets tied: 0 at nodes that the tangent stiffness of ksp leaves free, else 1. Collective on snes */
 static PetscErrorCode LatinLargeTied_Private(SNES snes, KSP ksp, Vec tied)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   Vec                  any;
   Mat                  K;
 
@@ -27,7 +27,7 @@ static PetscErrorCode LatinLargeTied_Private(SNES snes, KSP ksp, Vec tied)
 */
 PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec step, PetscReal *moved)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   KSPConvergedReason   reason;
   PetscReal            rtol, force, loose, least, most;
   Vec                  tied, held;

@@ -30,7 +30,7 @@
 static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal first, PetscReal *change, PetscBool *done)
 {
   SNES_Latin          *data       = (SNES_Latin *)snes->data;
-  const LatinStructure structure  = data->large.frame->turns;
+  const LatinStructure structure  = data->large.frame->original;
   const PetscReal      target     = SNESLatinEstimates(data) ? data->target : snes->stol;
   PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, last = *change, error, sum[2] = {0.0, 0.0}, moved, size;
 
@@ -79,7 +79,7 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
 
   PetscFunctionBegin;
   if (grows) {
-    for (PetscInt l = 0; l < large->frame->turns->links_local; l++) large->frame->spring[l] *= LATIN_LARGE_PENALTY_GROWS;
+    for (PetscInt l = 0; l < large->frame->original->links_local; l++) large->frame->spring[l] *= LATIN_LARGE_PENALTY_GROWS;
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   } else {
     PetscCall(LatinFrameSprings_Private(large->frame, PETSC_FALSE));
@@ -96,7 +96,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   PetscBool         struts = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathStruts_Private(data->large.frame->turns, &struts, NULL));
+  PetscCall(LatinPathStruts_Private(data->large.frame->original, &struts, NULL));
   *convex = (PetscBool)(!struts && SNESLatinLargeProves(data) && !SNESLatinWarm(data) && !SNESLatinUserTest(snes));
   PetscFunctionReturn(0);
 }
@@ -105,7 +105,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
 static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[])
 {
   const LatinLarge    *large = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure frame = large->frame, structure = frame->turns;
+  const LatinStructure frame = large->frame, structure = frame->original;
   const PetscInt       dim    = structure->dim;
   PetscReal            sum[2] = {0.0, 0.0};
 
@@ -130,7 +130,7 @@ static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[]
 static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *first)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
+  LatinStructure structure = data->large.frame->original;
   PetscReal     *tension;
   PetscBool      convex = PETSC_FALSE, near = PETSC_FALSE;
 
@@ -162,7 +162,7 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *f
 PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
+  LatinStructure structure = data->large.frame->original;
   PetscReal      grown = 1.0, change = PETSC_MAX_REAL, first = 0.0, last;
   PetscBool      done = PETSC_FALSE;
   Vec            before;

@@ -49,7 +49,7 @@ PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Ve
 */
 PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
 {
-  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   PetscReal            moved = 0.0, force, left = PETSC_MAX_REAL;
   KSP                  ksp;
   Mat                  K;
@@ -123,7 +123,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
   if (!*starts) PetscCall(VecZeroEntries(path->u));
   else if (part == 1.0) PetscCall(VecCopy(path->whole, path->first)); /* no further loads: what the solve leaves out of balance is none */
-  else PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
+  else PetscCall(LatinPathFirst_Private(data->large.frame->original, path));
   PetscFunctionReturn(0);
 }
 
@@ -133,7 +133,7 @@ PetscErrorCode LatinPathLoaded_Private(SNES snes, LatinPath *path, PetscBool *st
   PetscFunctionBegin;
   path->unloaded = *starts = PETSC_FALSE;
   PetscCall(VecZeroEntries(path->u));
-  PetscCall(SNESLatinSupportsFrom_Private(snes, ((SNES_Latin *)snes->data)->large.frame->turns->prescribed));
+  PetscCall(SNESLatinSupportsFrom_Private(snes, ((SNES_Latin *)snes->data)->large.frame->original->prescribed));
   for (PetscReal part = 1.0; part > LATIN_PATH_STIFFENS && !*starts; part *= LATIN_PATH_PART) PetscCall(LatinPathDescend_Private(snes, path, part, starts));
   PetscFunctionReturn(0);
 }
@@ -168,7 +168,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
 PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
+  LatinStructure structure = data->large.frame->original;
   Vec            rhs       = snes->vec_rhs;
   PetscBool      last;
 

@@ -25,8 +25,8 @@ PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
 
   PetscFunctionBegin;
   if (!large->supports.moves || large->supports.part == part) PetscFunctionReturn(0);
-  LatinSupportsMove(large->frame->turns, &large->supports, part);
-  large->frame->held_state = large->frame->turns->held_state;
+  LatinSupportsMove(large->frame->original, &large->supports, part);
+  large->frame->held_state = large->frame->original->held_state;
   PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
 }
@@ -36,7 +36,7 @@ PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
 {
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
   LatinSupports *supports  = &large->supports;
-  LatinStructure structure = large->frame->turns;
+  LatinStructure structure = large->frame->original;
   const PetscInt n = structure->dim * structure->nodes_local, m = structure->dim * structure->vertices;
   PetscMPIInt    moves = 0;
 
@@ -66,7 +66,7 @@ PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
   PetscFunctionBegin;
   if (!large->supports.moves) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(LatinTurningHeld_Private(large->frame->turns, u, large->supports.vertex_moved, r));
+  PetscCall(LatinTurningHeld_Private(large->frame->original, u, large->supports.vertex_moved, r));
   PetscCall(VecAXPY(load, -1.0, r));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscFunctionReturn(0);
@@ -80,7 +80,7 @@ PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
 PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscReal more, Vec ahead)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   const PetscReal      part      = large->supports.part;
   const PetscInt       n         = structure->links_local;
 
@@ -101,7 +101,7 @@ PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscR
 PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscReal *borne)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
-  const LatinStructure structure = large->frame->turns;
+  const LatinStructure structure = large->frame->original;
   const PetscInt       n         = structure->dim * structure->nodes_local;
   PetscReal            sum[2]    = {0.0, 0.0};
 
@@ -125,7 +125,7 @@ PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscR
 PetscErrorCode LatinSupportsReset_Private(LatinLarge *large)
 {
   PetscFunctionBegin;
-  if (large->supports.moves && large->supports.part < 1.0) LatinSupportsMove(large->frame->turns, &large->supports, 1.0);
+  if (large->supports.moves && large->supports.part < 1.0) LatinSupportsMove(large->frame->original, &large->supports, 1.0);
   PetscCall(PetscFree4(large->supports.given, large->supports.moved, large->supports.vertex_given, large->supports.vertex_moved));
   PetscCall(PetscFree(large->start));
   large->supports.moves = PETSC_FALSE;

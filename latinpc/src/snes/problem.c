@@ -15,7 +15,7 @@ static PetscErrorCode SNESLatinRestore_Private(SNES snes)
   PetscReal   size  = 1.0;
 
   PetscFunctionBegin;
-  if (!(large->frame ? large->renewals && !large->frame->turns->base : data->latin->tuning != 1.0 && !data->has_state) || SNESLatinWarm(data)) PetscFunctionReturn(0);
+  if (!(large->frame ? large->renewals && !large->frame->original->base : data->latin->tuning != 1.0 && !data->has_state) || SNESLatinWarm(data)) PetscFunctionReturn(0);
   if (snes->vec_sol) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
   if (size > 0.0) PetscFunctionReturn(0);
   if (large->frame) { /* operators keep their pattern */
@@ -34,7 +34,7 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
 
   PetscFunctionBegin;
   if (large->given && !structure->base) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
-  if (large->frame && large->frame->turns != structure) PetscCall(LatinStructureDestroy(&large->frame));
+  if (large->frame && large->frame->original != structure) PetscCall(LatinStructureDestroy(&large->frame));
   *problem = structure;
   if (!structure->span) {
     PetscCall(LatinStructureDestroy(&large->frame));

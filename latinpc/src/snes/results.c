@@ -259,7 +259,7 @@ PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[
   const LatinStructure frame = data->large.frame;
 
   PetscFunctionBegin;
-  *rigid = !frame ? data->latin->linear.rigid_tension : frame->spring ? frame->spring + frame->turns->links_local : NULL;
+  *rigid = !frame ? data->latin->linear.rigid_tension : frame->spring ? frame->spring + frame->original->links_local : NULL;
   PetscFunctionReturn(0);
 }
 
@@ -304,7 +304,7 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   if (data->done)
     PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
   if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry large: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
-  else if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
+  else if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->original->geometry]));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver: SNES of type %s, options -%s\n", ((PetscObject)data->outer)->type_name, ((PetscObject)data->outer)->prefix));

@@ -73,7 +73,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
   data->estimate.strict = data->target / SNESLatinTensionTarget(data);
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
-  PetscCall(LatinEquilibriumHeld_Private(SNESLatinLarge(data) ? data->large.frame->turns : latin->sub.structure, &data->found));
+  PetscCall(LatinEquilibriumHeld_Private(SNESLatinLarge(data) ? data->large.frame->original : latin->sub.structure, &data->found));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
   PetscCall(LatinParameterStart_Private(latin, &data->parameter));
   PetscCall(SNESLatinLargeStart_Private(snes));
@@ -280,7 +280,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   ierr         = SNESLatinSolve_Private(snes);
   if (ierr) {
     LatinForget(data->latin->sub.structure);
-    LatinForget(data->large.frame ? data->large.frame->turns : NULL);
+    LatinForget(data->large.frame ? data->large.frame->original : NULL);
   }
   PetscCall(ierr);
   PetscFunctionReturn(0);

@@ -101,7 +101,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
 {
   const LatinSubdomains *sub      = linear->sub;
   const PetscInt         dim      = sub->dim;
-  const PetscBool        midpoint = sub->structure->turns->midpoint;
+  const PetscBool        midpoint = sub->structure->original->midpoint;
 
   for (PetscInt l = 0; l < sub->links; l += dim) {
     const PetscReal E    = sub->stiffness[l];
@@ -143,7 +143,7 @@ void LatinTurningState(const LatinLinear *linear, PetscReal state[])
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
       r[c] = (e[c] + sub->e0[l + c]) / part[LATIN_PART * c + LATIN_PART_SCALE];
     }
-    LatinTurningForce(sub, sub->structure->turns->midpoint, dim, l, r, f);
+    LatinTurningForce(sub, sub->structure->original->midpoint, dim, l, r, f);
     for (PetscInt c = 0; c < dim; c++) state[sub->state[l + c]] = f[c] / part[LATIN_PART * c + LATIN_PART_SCALE] - sub->stiffness[l] * e[c];
   }
 }

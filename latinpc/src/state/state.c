@@ -43,14 +43,14 @@ static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure 
   const LatinLarge *large = &((SNES_Latin *)state->snes->data)->large;
 
   PetscFunctionBegin;
-  if (frame->turns->geometry != LATIN_GEOMETRY_PRESTRESS) { /* prestress: operators follow from the structure */
+  if (frame->original->geometry != LATIN_GEOMETRY_PRESTRESS) { /* prestress: operators follow from the structure */
     PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
     PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, frame->part ? LATIN_PART * frame->links_local : 0, frame->part));
     PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
   }
   if (state->ts) PetscFunctionReturn(0);
   PetscCall(LatinStateAddArray_Private(state, "operator_kind", LATIN_STATE_KIND, LATIN_STATE_KIND, state->kind));
-  PetscCall(LatinStateAddArray_Private(state, "multiplier", 1, frame->spring ? 2 * frame->turns->links_local : 0, frame->spring));
+  PetscCall(LatinStateAddArray_Private(state, "multiplier", 1, frame->spring ? 2 * frame->original->links_local : 0, frame->spring));
   PetscCall(LatinStateAdd_Private(state, "path", large->solution ? large->solution : state->u));
   PetscFunctionReturn(0);
 }
@@ -171,7 +171,7 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
     hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
     hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
     /* large rotations change the search direction */
-    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
+    if (!latin->sub.structure->original) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
   *all = (double)hash;
@@ -251,7 +251,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     head.solutions   = data->has_state + (data->has_state && data->has_before);
     if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
     state.kind[1] = data->large.solution ? 1.0 : 0.0;
-    if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->turns);
+    if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->original);
   }
   PetscCall(LatinStateStructure_Private(&state, &head.structure));
   PetscCall(LatinStateItems_Private(&state));
@@ -269,7 +269,7 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
 {
   SNES_Latin    *data  = (SNES_Latin *)state->snes->data;
   LatinStructure frame = data->large.frame;
-  PetscMPIInt    other = (PetscMPIInt)(state->kind[2] != LatinStateElongations(frame->turns));
+  PetscMPIInt    other = (PetscMPIInt)(state->kind[2] != LatinStateElongations(frame->original));
 
   PetscFunctionBegin;
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));
@@ -282,7 +282,7 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
   PetscCall(LatinStateTransfer_Private(PetscObjectComm((PetscObject)state->snes), file, NULL, head, state));
   if (state->kind[1] == 0.0) PetscCall(VecDestroy(&data->large.solution));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &other, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)frame)));
-  if (other) frame->turns_e0 = -1;
+  if (other) frame->original_e0 = -1;
   PetscFunctionReturn(0);
 }
 

@@ -53,25 +53,25 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
 /* Stiffness, law, and shift of the strain of link l of the base, in which rigid links are springs: p, cable or compression only, lambda / p */
 static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 {
-  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
+  return LatinLaws[frame->original->law[l]].rigid ? frame->spring[l] : frame->original->stiffness[l];
 }
 
 static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
 {
-  const PetscInt law = frame->turns->law[l];
+  const PetscInt law = frame->original->law[l];
 
   return LatinLaws[law].rigid ? law == LATIN_LAW_CONTACT ? LATIN_LAW_COMPRESSION_ONLY : LATIN_LAW_CABLE : law;
 }
 
 static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
 {
-  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
+  return LatinLaws[frame->original->law[l]].rigid ? frame->spring[frame->original->links_local + l] / frame->spring[l] : 0.0;
 }
 
 /* Computes the parts of all links, geometry prestress */
 static void LatinFramePrestress(LatinStructure frame)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscInt       dim  = base->dim;
 
   for (PetscInt l = 0; l < base->links_local; l++) {
@@ -103,11 +103,11 @@ typedef struct {
 /* Computes the tangent stiffness (k, c) of link l. Slack cables get a small positive one. In compression c < 0, but not if firm, nor in time steps */
 static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscBool firm, PetscReal mean, PetscReal *k, PetscReal *c)
 {
-  const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
+  const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->original->ahead && !frame->original->slope ? frame->original->hold * mean : 0.0, floor);
 
   *k = PetscMax(link->k, least);
-  if (LatinStructureKeeps(frame->turns, l)) *c = floor;
-  else if (link->k > 0.0 && link->across < 0.0) *c = firm || frame->turns->midpoint ? floor : link->across;
+  if (LatinStructureKeeps(frame->original, l)) *c = floor;
+  else if (link->k > 0.0 && link->across < 0.0) *c = firm || frame->original->midpoint ? floor : link->across;
   else *c = PetscMax(least, link->across);
 }
 
@@ -122,9 +122,9 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
     LatinFrameTangent(frame, l, link, (PetscBool)(type == LATIN_FRAME_FIRM), mean, k, c);
     return;
   }
-  *k = frame->turns->midpoint ? PetscMax(link->k, low) : whole;
+  *k = frame->original->midpoint ? PetscMax(link->k, low) : whole;
   *c = LATIN_FRAME_FLOOR * mean;
-  if (LatinStructureKeeps(frame->turns, l)) {
+  if (LatinStructureKeeps(frame->original, l)) {
     if (!link->loaded) *k = low;
     return;
   }
@@ -135,7 +135,7 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
 /* Computes data of the links of the base, link[links_local], their bases, frame->direction, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], LatinFrameSums *sum)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscInt       dim  = base->dim;
 
   PetscFunctionBegin;
@@ -174,7 +174,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
 /* Computes natural lengths and initial elongations of the parts; no operator depends on them */
 static void LatinFrameLengths(LatinStructure frame)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscInt       dim  = base->dim;
 
   for (PetscInt i = 0; i < dim * base->links_local; i++) {
@@ -207,7 +207,7 @@ static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[
 /* Computes the parts of all links, geometry large, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscInt       dim = base->dim, m = base->links_local;
   PetscReal            most = 0.0;
   LatinFrameLink      *link;
@@ -243,7 +243,7 @@ PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal s
 
   PetscFunctionBegin;
   *changed = 0;
-  for (PetscInt l = 0; l < frame->turns->links_local; l++) {
+  for (PetscInt l = 0; l < frame->original->links_local; l++) {
     const LatinLaw *law = &LatinLaws[LatinFrameLaw(frame, l)];
     const PetscReal k = LatinFrameStiffness(frame, l), made = frame->stiffness[dim * l] * PetscSqr(frame->part[LATIN_PART * dim * l + LATIN_PART_SCALE]);
 
@@ -256,7 +256,7 @@ PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal s
 /* Recomputes directions and stiffnesses of the parts at displacements u of the base; NULL: as drawn. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscScalar   *a;
   Vec                  local;
 
@@ -278,7 +278,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
 PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 {
   PetscFunctionBegin;
-  if (none) PetscCall(PetscArrayzero(frame->spring + frame->turns->links_local, frame->turns->links_local));
+  if (none) PetscCall(PetscArrayzero(frame->spring + frame->original->links_local, frame->original->links_local));
   LatinFrameLengths(frame);
   frame->e0_state++;
   PetscFunctionReturn(0);
@@ -287,7 +287,7 @@ PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 /* Creates the springs of rigid links: initial penalties, multipliers zero. Collective on frame */
 PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   const PetscInt       n    = base->links_local;
 
   PetscFunctionBegin;
@@ -302,17 +302,17 @@ PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 /* Updates the frame after changes of the base: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
-  const LatinStructure base = frame->turns;
+  const LatinStructure base = frame->original;
   PetscObjectState     state;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)base, &state));
   frame->load_state = base->load_state;
   frame->held_state = base->held_state;
-  if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
-  frame->turns_e0 = base->e0_state;
+  if (state == frame->original_state && base->e0_state == frame->original_e0) PetscFunctionReturn(0);
+  frame->original_e0 = base->e0_state;
   frame->e0_state++;
-  if (state == frame->turns_state && base->base) { /* another time step: new spans, same operators */
+  if (state == frame->original_state && base->base) { /* another time step: new spans, same operators */
     LatinFrameLengths(frame);
     PetscFunctionReturn(0);
   }
@@ -321,7 +321,7 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* + 1: not NULL without links */
   PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
   PetscCall(PetscObjectStateGet((PetscObject)frame, &frame->parts_state));
-  frame->turns_state = state;
+  frame->original_state = state;
   PetscFunctionReturn(0);
 }
 
@@ -333,8 +333,8 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
 
   PetscFunctionBegin;
   PetscCall(LatinStructureDerive_Private(base, "Parts of links that turn", &frame));
-  frame->turns             = base;
-  frame->turns_state       = -1; /* not yet followed */
+  frame->original          = base;
+  frame->original_state    = -1; /* not yet followed */
   frame->rigid_law         = -1;
   frame->keeps             = NULL;
   frame->links_local       = m;

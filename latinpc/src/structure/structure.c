@@ -44,7 +44,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree5(l->e0, l->prescribed, l->vertex_prescribed, l->held, l->vertex_held));
     PetscCall(VecDestroy(&l->ground));
     PetscCall(LatinStructureDestroy(&l->base));
-  } else if (l->turns) { /* a frame: the same */
+  } else if (l->original) { /* a frame: the same */
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
     PetscCall(PetscFree(l->spring));
@@ -69,7 +69,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscObjectDestroy(&l->dm->dmsnes));
   }
   PetscCall(DMDestroy(&l->dm));
-  PetscCall(LatinStructureDestroy(&l->turns));
+  PetscCall(LatinStructureDestroy(&l->original));
   PetscCall(LatinStructureDestroy(&l->cones_of));
   PetscCall(PetscHeaderDestroy(structure));
   PetscFunctionReturn(0);

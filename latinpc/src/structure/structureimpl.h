@@ -90,12 +90,12 @@ struct _p_LatinStructure {
   PetscReal        hold;     /* with `ahead`, not `slope`: stiffness of slack cables, relative to the mean tension over length of taut links */
   LatinStructure   cones_of; /* cones (structure/frictioncones.c): the structure with friction; else NULL */
   /* frame (structure/frame.c); else NULL */
-  LatinStructure   turns;                 /* the base, whose links are split into parts */
-  PetscObjectState turns_state, turns_e0; /* its state and e0_state at the last LatinFrameFollow_Private() */
-  PetscObjectState parts_state;           /* state of the frame at the last change of laws; later changes are of directions and stiffnesses alone */
-  PetscReal       *part;                  /* [links_local][LATIN_PART] geometry large: data of the parts (structure/turning.h) */
-  LatinFrameType   made;                  /* geometry large: type of the present search directions */
-  PetscReal       *spring;                /* [2][links of turns] penalties, multipliers of rigid links as springs; NULL without rigid links */
+  LatinStructure   original;                    /* the structure whose links are split into parts */
+  PetscObjectState original_state, original_e0; /* its state and e0_state at the last LatinFrameFollow_Private() */
+  PetscObjectState parts_state;                 /* state of the frame at the last change of laws; later changes are of directions and stiffnesses alone */
+  PetscReal       *part;                        /* [links_local][LATIN_PART] geometry large: data of the parts (structure/turning.h) */
+  LatinFrameType   made;                        /* geometry large: type of the present search directions */
+  PetscReal       *spring;                      /* [2][links of the original] penalties, multipliers of rigid links as springs; NULL without rigid links */
 };
 
 /* Sets tensions, strains and stiffnesses of the tangent stiffness, see the members; all NULL: those of the displacements. Not collective */
