@@ -23,14 +23,15 @@
 #define LATIN_LARGE_STAGNATION 3    /* set-ups within which Newton's method must halve the unbalanced forces; else it stagnates */
 #define LATIN_LARGE_CREEPS     0.9  /* the same along a path, where the solution may be far: part of the unbalanced forces that may remain */
 
-static void LatinLargeWindow(LatinLarge *large, PetscInt window)
+/* Starts the first of windows of `window` stages */
+static void LatinLargeWindow(LatinLargeProgress *progress, PetscInt window)
 {
-  large->idle   = 0;
-  large->lowest = PETSC_MAX_REAL;
-  large->window = window;
-  large->stages = 0;
-  large->least  = PETSC_MAX_REAL;
-  large->before = 1.0;
+  progress->idle   = 0;
+  progress->lowest = PETSC_MAX_REAL;
+  progress->window = window;
+  progress->stages = 0;
+  progress->least  = PETSC_MAX_REAL;
+  progress->before = 1.0;
 }
 
 /* Checks the stop and resets the data of a solve, before its first linear stage. Collective on snes */
@@ -49,17 +50,17 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
   PetscCall(LatinStructureSize_Private(structure, &large->size, NULL));
   PetscCall(PetscFree(large->ahead));
-  structure->hold = 0.0;
-  large->renewals = 0;
-  large->reached  = 0.0;
-  large->branch   = -1.0;
-  large->sheared  = PETSC_FALSE;
-  large->last     = PETSC_MAX_INT;
-  large->near     = LATIN_LARGE_NEAR;
-  large->half     = PETSC_MAX_REAL;
-  large->halved   = 0;
-  large->unstable = large->newton_failed = large->inside_failed = large->stateless = large->iterated = PETSC_FALSE;
-  LatinLargeWindow(large, LATIN_LARGE_WINDOW);
+  structure->hold        = 0.0;
+  large->renewals        = 0;
+  large->path.reached    = 0.0;
+  large->path.branch     = -1.0;
+  large->path.sheared    = PETSC_FALSE;
+  large->last            = PETSC_MAX_INT;
+  large->near            = LATIN_LARGE_NEAR;
+  large->progress.half   = PETSC_MAX_REAL;
+  large->progress.halved = 0;
+  large->run.unstable = large->newton_failed = large->inside_failed = large->stateless = large->iterated = PETSC_FALSE;
+  LatinLargeWindow(&large->progress, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
   PetscFunctionReturn(0);
@@ -120,7 +121,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   if (type == LATIN_FRAME_TANGENT) grows = 1;
   else PetscCall(SNESLatinLargeState_Private(snes));
   data->large.renewals++;
-  LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
+  LatinLargeWindow(&data->large.progress, grows * PetscMin(data->large.progress.window, PETSC_MAX_INT / grows));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
 }
@@ -152,15 +153,15 @@ static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &other));
-  PetscCall(LatinTurningAhead_Private(structure, large->between[0], NULL, none, 0.0, large->ahead, strain));
-  PetscCall(LatinTurningAhead_Private(structure, large->between[1], NULL, none, 0.0, tension, other));
+  PetscCall(LatinTurningAhead_Private(structure, large->guess.between[0], NULL, none, 0.0, large->ahead, strain));
+  PetscCall(LatinTurningAhead_Private(structure, large->guess.between[1], NULL, none, 0.0, tension, other));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    large->ahead[l] += large->part * (tension[l] - large->ahead[l]);
-    strain[l] += large->part * (other[l] - strain[l]);
+    large->ahead[l] += large->guess.part * (tension[l] - large->ahead[l]);
+    strain[l] += large->guess.part * (other[l] - strain[l]);
   }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &other));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  large->between[0] = large->between[1] = NULL;
+  large->guess.between[0] = large->guess.between[1] = NULL;
   PetscFunctionReturn(0);
 }
 
@@ -203,9 +204,9 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a time step has its own tangent */
   PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* not NULL without links either */
   PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, NULL, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
-  if (large->between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
-  if (large->start) PetscCall(PetscArraycpy(large->ahead, large->start, 2 * structure->links_local));
-  PetscCall(PetscFree(large->start));
+  if (large->guess.between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
+  if (large->guess.start) PetscCall(PetscArraycpy(large->ahead, large->guess.start, 2 * structure->links_local));
+  PetscCall(PetscFree(large->guess.start));
   /* not with inextensible cables, whose law in the frame differs */
   if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local));
   LatinStructurePrescribe(structure, large->ahead, near ? large->ahead + structure->links_local : NULL, NULL);
@@ -219,7 +220,7 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 */
 static PetscBool LatinLargeStagnates(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
-  const PetscReal now    = PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force;
+  const PetscReal now    = PetscIsInfOrNanReal(large->run.force) ? PETSC_MAX_REAL : large->run.force;
   const PetscReal part   = large->frame->original->strain || large->frame->original->midpoint ? 0.5 : LATIN_LARGE_CREEPS;
   PetscReal      *here   = &least[k % LATIN_LARGE_STAGNATION];
   const PetscReal before = k < LATIN_LARGE_STAGNATION ? PETSC_MAX_REAL : *here;
@@ -255,14 +256,14 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
 
   PetscFunctionBegin;
   /* without a step the next operators would be the same, after a leap away those of a mechanism */
-  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->slow && steps && far <= LATIN_LARGE_NOWHERE * large->size && SNESLatinStagesLeft(snes) > 0; k++) {
+  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->run.slow && steps && far <= LATIN_LARGE_NOWHERE * large->size && SNESLatinStagesLeft(snes) > 0; k++) {
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
     if (!large->frame->original->midpoint) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far)); /* the mean forces of a time step may balance there */
     if (*done) continue;
-    if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->first_step, 2));
-    if (!k && measures && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
+    if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->run.first_step, 2));
+    if (!k && measures && !large->run.unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
       PetscCall(VecCopy(u, snes->vec_sol));
       data->estimate.tensions = LATIN_LARGE_SAFETY * large->iteration_error[1];
       PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->iteration_error[0], LATIN_NEXT_CONVERGED));
@@ -296,15 +297,15 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscBool renews, PetscBo
   PetscCall(VecCopy(snes->vec_sol, u));
   if (near) PetscCall(LatinLargeForces_Private(snes, u, &left));
   PetscCall(SNESLatinLargeAhead_Private(snes, near));
-  *done       = PETSC_FALSE;
-  large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made < LATIN_FRAME_TANGENT);
-  measures    = large->slow;
-  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
+  *done           = PETSC_FALSE;
+  large->run.slow = (PetscBool)(near && !structure->midpoint && large->frame->made < LATIN_FRAME_TANGENT);
+  measures        = large->run.slow;
+  if (!large->run.slow) PetscCall(SNESLatinLargeNewton_Private(snes, done));
   if (renews) PetscCall(LatinLargeTangents_Private(snes, u, measures, left, done));
   LatinStructurePrescribe(structure, NULL, NULL, NULL);
-  large->changed = 0;
+  large->run.changed = 0;
   PetscCall(PetscFree(large->ahead));
-  if (!*done && !(large->iterated && measures && !large->unstable && large->first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
+  if (!*done && !(large->iterated && measures && !large->run.unstable && large->run.first_step[0] < large->iteration_error[0])) PetscCall(VecCopy(u, snes->vec_sol));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }

@@ -67,7 +67,7 @@ PetscErrorCode LatinPathNear_Private(SNES snes, const LatinPath *path, PetscReal
 static PetscErrorCode LatinBranchMode_Private(SNES snes, const LatinPath *path, Vec mode)
 {
   PetscFunctionBegin;
-  PetscCall(SNESLatinSupportsAt_Private(snes, ((SNES_Latin *)snes->data)->large.reached));
+  PetscCall(SNESLatinSupportsAt_Private(snes, ((SNES_Latin *)snes->data)->large.path.reached));
   PetscCall(LatinPathForces_Private(mode));
   PetscCall(LatinPathMode_Private(snes, path->u, mode));
   PetscCall(VecNormalize(mode, NULL));
@@ -86,7 +86,7 @@ static PetscErrorCode LatinBranchSeek_Private(SNES snes, LatinPath *path, Vec mo
   *beside = PETSC_MAX_REAL;
   PetscCall(VecWAXPY(v, more, path->ahead, path->u));
   PetscCall(VecAXPY(v, more * path->far + LATIN_BRANCH_DISTURB * ((SNES_Latin *)snes->data)->large.size, mode));
-  PetscCall(LatinPathDown_Private(snes, path, path->u, ((SNES_Latin *)snes->data)->large.reached + more, v, &stable));
+  PetscCall(LatinPathDown_Private(snes, path, path->u, ((SNES_Latin *)snes->data)->large.path.reached + more, v, &stable));
   if (!stable) PetscFunctionReturn(0);
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
   PetscCall(VecNorm(path->step, NORM_INFINITY, beside));
@@ -108,7 +108,7 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
   if (less < PETSC_MAX_REAL) PetscCall(LatinBranchSeek_Private(snes, path, mode, more, v, &beside));
   *linear = (PetscBool)(less <= LATIN_BRANCH_LINEAR * beside && less * LATIN_BRANCH_LESS * LATIN_BRANCH_LESS >= beside * LATIN_BRANCH_LINEAR);
   *begins = (PetscBool)(beside < PETSC_MAX_REAL && less <= LATIN_BRANCH_NEARER * beside);
-  PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
+  PetscCall(PetscInfo(snes, "Beyond %g of the path a stable equilibrium is %g from there, under less loads %g: %s\n", (double)large->path.reached, (double)beside, (double)less, *begins ? "a branch" : "none follows"));
   PetscFunctionReturn(0);
 }
 
@@ -119,12 +119,12 @@ static PetscErrorCode LatinBranchBegins_Private(SNES snes, LatinPath *path, Vec 
 PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarget *target, PetscBool *settles)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  const PetscReal   more  = target->part - large->reached;
+  const PetscReal   more  = target->part - large->path.reached;
   Vec               v;
 
   PetscFunctionBegin;
   *settles = PETSC_FALSE;
-  if (!large->sheared || path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
+  if (!large->path.sheared || path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
   PetscCall(LatinBranchMode_Private(snes, path, v));
   PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURB * large->size, target->u));
@@ -136,13 +136,13 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
 
 /*
    Seeks a branch at path->u, from which no increment follows. *goes: a panel shears, and path->u is now on its branch. If a stable branch
-   begins because the structure buckles, sets large->branch. Collective on snes
+   begins because the structure buckles, sets large->path.branch. Collective on snes
 */
 PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *goes)
 {
   LatinLarge *large  = &((SNES_Latin *)snes->data)->large;
   PetscBool   linear = PETSC_FALSE, begins = PETSC_FALSE;
-  PetscReal   more = PetscMin(LATIN_BRANCH_AHEAD, 1.0 - large->reached);
+  PetscReal   more = PetscMin(LATIN_BRANCH_AHEAD, 1.0 - large->path.reached);
   Vec         v, mode;
 
   PetscFunctionBegin;
@@ -153,13 +153,13 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
   PetscCall(LatinBranchMode_Private(snes, path, mode));
   PetscCall(LatinBranchBegins_Private(snes, path, mode, more, v, &begins, &linear));
   *goes = (PetscBool)(begins && linear);
-  if (begins && !*goes) large->branch = large->reached;
+  if (begins && !*goes) large->path.branch = large->path.reached;
   if (*goes) {
     PetscCall(VecCopy(v, path->u));
     PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
-    large->reached += more;
-    large->sheared = PETSC_TRUE;
-    path->failed   = PETSC_MAX_REAL;
+    large->path.reached += more;
+    large->path.sheared = PETSC_TRUE;
+    path->failed        = PETSC_MAX_REAL;
   }
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &mode));
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));

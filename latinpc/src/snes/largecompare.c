@@ -86,7 +86,7 @@ static PetscErrorCode LatinPathRatesCreate_Private(SNES snes, const LatinPath *p
   PetscReal            before, step;
 
   PetscFunctionBegin;
-  rates->part = target->part - large->reached;
+  rates->part = target->part - large->path.reached;
   PetscCall(DMGetGlobalVector(structure->dm, &rates->mean));
   PetscCall(VecWAXPY(rates->mean, -1.0, path->u, target->u));
   PetscCall(VecNorm(rates->mean, NORM_INFINITY, &step));

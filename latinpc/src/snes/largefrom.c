@@ -108,7 +108,7 @@ PetscErrorCode SNESLatinLargeStep_Private(SNES snes)
   PetscCall(SNESLatinLargeFinish_Private(snes, PETSC_TRUE, PETSC_FALSE, &done));
   if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
   if (LatinNextConverged(data->next)) PetscCall(LatinLargeLost_Private(snes));
-  data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+  data->large.path.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
   PetscFunctionReturn(0);
 }
 

@@ -18,36 +18,36 @@
    Returns whether new operators at the present displacements pay: more linear stages are left, at the rate of the last window, than a set-up costs.
    goal: the measure at the end, or where Newton's method takes over. To be called once per stage. Not collective
 */
-static PetscBool LatinLargeDue(LatinLarge *large, PetscReal measure, PetscReal goal)
+static PetscBool LatinLargeDue(LatinLargeProgress *progress, PetscReal cost, PetscReal measure, PetscReal goal)
 {
   PetscReal gain, left;
 
-  large->least = PetscMin(large->least, measure);
-  if (++large->stages < large->window) return PETSC_FALSE;
-  gain          = PetscLogReal(large->before / large->least);
-  left          = PetscLogReal(large->least / goal);
-  large->before = PetscMin(large->before, large->least);
-  large->least  = PETSC_MAX_REAL;
-  large->stages = 0;
-  return (PetscBool)(left > 0.0 && large->window * left > large->cost * gain);
+  progress->least = PetscMin(progress->least, measure);
+  if (++progress->stages < progress->window) return PETSC_FALSE;
+  gain             = PetscLogReal(progress->before / progress->least);
+  left             = PetscLogReal(progress->least / goal);
+  progress->before = PetscMin(progress->before, progress->least);
+  progress->least  = PETSC_MAX_REAL;
+  progress->stages = 0;
+  return (PetscBool)(left > 0.0 && progress->window * left > cost * gain);
 }
 
 /* Returns whether the changes are rounding: stages change little and do not halve the measure of the stop. Once per stage */
-static PetscBool LatinLargeIdles(LatinLarge *large, PetscReal measure, PetscReal indicator)
+static PetscBool LatinLargeIdles(LatinLargeProgress *progress, PetscReal measure, PetscReal indicator)
 {
-  large->idle = indicator <= LATIN_LARGE_REST && measure > 0.5 * large->lowest ? large->idle + 1 : 0;
-  if (!large->idle) large->lowest = measure;
-  return (PetscBool)(large->idle >= LATIN_LARGE_IDLE);
+  progress->idle = indicator <= LATIN_LARGE_REST && measure > 0.5 * progress->lowest ? progress->idle + 1 : 0;
+  if (!progress->idle) progress->lowest = measure;
+  return (PetscBool)(progress->idle >= LATIN_LARGE_IDLE);
 }
 
 /* Returns whether a time step is given up: one that is long beside the periods may have no solution that can be found. Once per stage */
-static PetscBool LatinLargeGivesUp(LatinLarge *large, PetscReal measure, PetscInt stage)
+static PetscBool LatinLargeGivesUp(LatinLargeProgress *progress, PetscReal measure, PetscInt stage)
 {
-  if (measure <= 0.5 * large->half) {
-    large->half   = measure;
-    large->halved = stage;
+  if (measure <= 0.5 * progress->half) {
+    progress->half   = measure;
+    progress->halved = stage;
   }
-  return (PetscBool)(large->frame->original->midpoint && stage - large->halved >= LATIN_LARGE_PATIENCE);
+  return (PetscBool)(stage - progress->halved >= LATIN_LARGE_PATIENCE);
 }
 
 /* Whether the iteration has ended: failed, at the target, at rounding, or where Newton's method finishes it; else LATIN_NEXT_CONTINUE. Collective on snes */
@@ -65,7 +65,7 @@ static PetscErrorCode SNESLatinLargeEnds_Private(SNES snes, PetscReal measure, P
   else if (SNESLatinLargeProves(data)) *next = measure <= large->near || rests ? LATIN_NEXT_NEWTON_FINISH : LATIN_NEXT_CONTINUE;
   else if (measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   else if (rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
-  else if (LatinLargeIdles(large, measure, linear->indicator)) *next = LATIN_NEXT_ROUNDING;
+  else if (LatinLargeIdles(&large->progress, measure, linear->indicator)) *next = LATIN_NEXT_ROUNDING;
   if (*next != LATIN_NEXT_CONVERGED || !SNESLatinEstimates(data)) PetscFunctionReturn(0);
   PetscCall(SNESLatinResidual_Private(snes));
   if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
@@ -84,8 +84,9 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinLargeEnds_Private(snes, measure, target, next));
   if (*next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   if (snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
-  else if (LatinLargeGivesUp(large, measure, linear->applications) || SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last) *next = LATIN_NEXT_MAX_IT;
-  else if (LatinLargeDue(large, measure, goal)) *next = LATIN_NEXT_REBUILD;
+  else if (SNESLatinStagesLeft(snes) <= 0 || linear->applications >= large->last) *next = LATIN_NEXT_MAX_IT;
+  else if (large->frame->original->midpoint && LatinLargeGivesUp(&large->progress, measure, linear->applications)) *next = LATIN_NEXT_MAX_IT;
+  else if (LatinLargeDue(&large->progress, large->cost, measure, goal)) *next = LATIN_NEXT_REBUILD;
   PetscFunctionReturn(0);
 }
 
@@ -116,8 +117,8 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->iteration_error[0], (double)large->iteration_error[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* the iteration rests where Newton's method finds no solution */
   PetscCall(LatinEquilibriumFar_Private(large->frame->original, snes->vec_sol, &far));
-  far        = (PetscBool)(far || large->frame->original->rigid_law >= 0);                                            /* incompatible rigid links repel each other */
-  data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* diverging displacements rest nowhere */
+  far        = (PetscBool)(far || large->frame->original->rigid_law >= 0);                                                    /* incompatible rigid links repel each other */
+  data->next = large->run.unstable || (far && large->run.force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* diverging displacements rest nowhere */
   *done      = PETSC_TRUE;
   PetscFunctionReturn(0);
 }

@@ -55,11 +55,11 @@ static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec
   PetscCall(VecDot(type == KSP_NORM_NATURAL ? r : w, w, &product));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &w));
   *norm = PetscSqrtReal(PetscAbsReal(PetscRealPart(product)));
-  large->proofs++;
+  large->run.proofs++;
   PetscFunctionReturn(0);
 }
 
-/* Ends a linear solve at its tolerance, tighter far from the solution along a path and in the first iterations near it, or after large->limit iterations */
+/* Ends a linear solve at its tolerance, tighter far from the solution along a path and in the first iterations near it, or after large->run.limit iterations */
 static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
   LatinLarge     *large = (LatinLarge *)ctx;
@@ -69,11 +69,11 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscFunctionBegin;
   *reason = KSP_CONVERGED_ITERATING;
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  if (near && it < LATIN_LARGE_LEAST + large->changed) part = rtol;
-  if (!it) large->first = rnorm;
+  if (near && it < LATIN_LARGE_LEAST + large->run.changed) part = rtol;
+  if (!it) large->run.first = rnorm;
   if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (rnorm <= part * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
-  else if (it >= large->limit) *reason = KSP_DIVERGED_ITS;
+  else if (rnorm <= part * rtol * large->run.first) *reason = KSP_CONVERGED_RTOL;
+  else if (it >= large->run.limit) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
 
@@ -115,7 +115,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscCall(KSPGetNormType(ksp, &type));
   PetscCall(VecNorm(u, NORM_2, &moved));
   left   = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
-  part   = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* sum of the geometric series of the next steps */
+  part   = left < large->run.first ? LATIN_LARGE_SAFETY * left / (large->run.first - left) : PETSC_MAX_REAL; /* sum of the geometric series of the next steps */
   *error = part * step;
   /* an absolute bound as well: soft nodes, as those without mass, may hide the error of others in the relative one */
   if (type == KSP_NORM_PRECONDITIONED && moved > 0.0) *error = PetscMax(*error, LATIN_LARGE_SAFETY * left / moved);
@@ -126,7 +126,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
   PetscCall(LatinLargeDifference_Private(large, large->ahead, tension, tensions));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  *tensions = PetscMin(1.0, PetscMax(*tensions, part * large->stretch));
+  *tensions = PetscMin(1.0, PetscMax(*tensions, part * large->run.stretch));
   PetscFunctionReturn(0);
 }
 
@@ -161,6 +161,7 @@ static PetscErrorCode LatinLargeMeasure_Private(SNES newton, SNES snes, LatinLar
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   LatinLarge          *large     = &data->large;
+  LatinLargeRun       *run       = &large->run;
   const LatinStructure structure = large->frame->original;
   KSP                  ksp;
   Vec                  r, u;
@@ -168,48 +169,49 @@ static PetscErrorCode LatinLargeMeasure_Private(SNES newton, SNES snes, LatinLar
   PetscFunctionBegin;
   PetscCall(SNESGetSolution(newton, &u));
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(LatinLargeUnbalance_Private(newton, large, u, r, &large->force));
+  PetscCall(LatinLargeUnbalance_Private(newton, large, u, r, &run->force));
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPGetConvergedReason(ksp, &seen->linear));
   PetscCall(SNESGetLinearSolveIterations(newton, &seen->stages));
   PetscCall(KSPGetIterationNumber(ksp, &seen->last));
-  seen->before = seen->it > 1 ? large->error : PETSC_MAX_REAL;
+  seen->before = seen->it > 1 ? run->error : PETSC_MAX_REAL;
   seen->small  = (PetscBool)(seen->length <= LATIN_LARGE_PROOF * data->target);
-  large->error = seen->tensions = seen->length;
+  run->error = seen->tensions = seen->length;
   if (seen->it == 1) {
-    large->first_step[0] = seen->linear > 0 ? seen->length : 1.0;
-    large->first_step[1] = large->stretch;
+    run->first_step[0] = seen->linear > 0 ? seen->length : 1.0;
+    run->first_step[1] = run->stretch;
   }
   /* in other cases PETSc has no singular values of the last iteration */
-  if (seen->small && (seen->linear > 0 || seen->linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, seen->length, u, r, &large->error, &seen->tensions));
-  else if (seen->small) large->error = seen->tensions = 1.0;
+  if (seen->small && (seen->linear > 0 || seen->linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, seen->length, u, r, &run->error, &seen->tensions));
+  else if (seen->small) run->error = seen->tensions = 1.0;
   PetscCall(LatinEquilibriumFar_Private(structure, u, &seen->far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
-  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, unbalanced forces %g of %g\n", seen->it, (double)seen->length, (double)large->error, (double)data->target, (double)seen->tensions,
-                      (double)large->force, (double)large->balance));
-  if (structure->strain) PetscCall(LatinFrameChanged_Private(large->frame, structure->strain, &large->changed));
+  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, unbalanced forces %g of %g\n", seen->it, (double)seen->length, (double)run->error, (double)data->target, (double)seen->tensions,
+                      (double)run->force, (double)large->balance));
+  if (structure->strain) PetscCall(LatinFrameChanged_Private(large->frame, structure->strain, &run->changed));
   data->estimate.tensions = large->ahead ? seen->tensions : -1.0;
   PetscFunctionReturn(0);
 }
 
-/* Returns how Newton's method ends after a step; large->error: of the displacements there */
+/* Returns how Newton's method ends after a step; large->run.error: of the displacements there */
 static SNESConvergedReason LatinLargeReason(const SNES_Latin *data, LatinLarge *large, const LatinLargeSeen *seen)
 {
-  const PetscBool unbalanced = (PetscBool)(large->force > large->balance);
+  LatinLargeRun  *run        = &large->run;
+  const PetscBool unbalanced = (PetscBool)(run->force > large->balance);
   const PetscBool rounding   = (PetscBool)(seen->length < LATIN_LARGE_ROUND * data->estimate.floor); /* the step may be rounding */
-  const PetscBool small      = (PetscBool)(large->error <= data->target && seen->tensions <= SNESLatinTensionTarget(data));
+  const PetscBool small      = (PetscBool)(run->error <= data->target && seen->tensions <= SNESLatinTensionTarget(data));
 
   if (seen->linear == KSP_DIVERGED_INDEFINITE_MAT) return SNES_DIVERGED_LINEAR_SOLVE;
   if (seen->it > 1 && large->ahead && seen->length > LATIN_LARGE_STEP && unbalanced) return SNES_DIVERGED_DTOL;
-  if (seen->linear > 0 && seen->small && !large->softer && small && large->force <= large->balance) return SNES_CONVERGED_SNORM_RELATIVE;
+  if (seen->linear > 0 && seen->small && !run->softer && small && run->force <= large->balance) return SNES_CONVERGED_SNORM_RELATIVE;
   if (seen->far && unbalanced && rounding) return SNES_DIVERGED_DTOL; /* large displacements make any relative step small */
-  if (rounding && large->error > LATIN_LARGE_SHRINK * seen->before) {
-    large->error = PetscMax(seen->length, data->estimate.floor);
-    return large->error <= data->target && large->force <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
+  if (rounding && run->error > LATIN_LARGE_SHRINK * seen->before) {
+    run->error = PetscMax(seen->length, data->estimate.floor);
+    return run->error <= data->target && run->force <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
   }
-  if (seen->it >= LATIN_LARGE_STEPS || seen->stages >= large->most) return SNES_DIVERGED_MAX_IT;
-  if (large->iterated && seen->stages + seen->last > large->most) return SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
-  if (large->frame->original->strain && large->changed > LATIN_LARGE_CHANGES) return SNES_DIVERGED_MAX_IT;
+  if (seen->it >= LATIN_LARGE_STEPS || seen->stages >= run->most) return SNES_DIVERGED_MAX_IT;
+  if (large->iterated && seen->stages + seen->last > run->most) return SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
+  if (large->frame->original->strain && run->changed > LATIN_LARGE_CHANGES) return SNES_DIVERGED_MAX_IT;
   return SNES_CONVERGED_ITERATING;
 }
 
@@ -228,10 +230,10 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   PetscCall(SNESGetLineSearch(newton, &search));
   PetscCall(SNESLineSearchGetLambda(search, &part));
   if (!it) PetscCall(VecNorm(newton->vec_sol, NORM_2, &xnorm)); /* PETSc passes 0 before the first step */
-  rests = (PetscBool)(fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size);
+  rests = (PetscBool)(fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->run.tension && xnorm <= LATIN_LARGE_NONE * large->size);
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
-  else if (rests) { /* the unbalanced forces are rounding of a self-stress */ large->error = 0.0;
-    *reason                                                                                = SNES_CONVERGED_FNORM_ABS;
+  else if (rests) { /* the unbalanced forces are rounding of a self-stress */ large->run.error = 0.0;
+    *reason                                                                                    = SNES_CONVERGED_FNORM_ABS;
   }
   if (*reason || !it) PetscFunctionReturn(0);
   seen.length = xnorm > 0.0 ? snorm / (part * xnorm) : 0.0; /* of the whole step: a damped one is small without convergence as well */
@@ -243,7 +245,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
 
 /*
    Updates the tensions ahead: those at u plus the change predicted by the step, which is subtracted from u. Counts the links that it
-   softens, large->softer. Collective on large->frame
+   softens, large->run.softer. Collective on large->frame
 */
 static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step)
 {
@@ -255,11 +257,11 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTangent(structure, l, strain[l]);
   PetscCall(LatinTurningAhead_Private(structure, u, NULL, step, -1.0, large->ahead, strain));
-  large->softer = 0;
-  for (PetscInt l = 0; l < structure->links_local; l++) large->softer += tension[l] > LatinStructureTangent(structure, l, strain[l]) ? 1 : 0;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &large->softer, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
+  large->run.softer = 0;
+  for (PetscInt l = 0; l < structure->links_local; l++) large->run.softer += tension[l] > LatinStructureTangent(structure, l, strain[l]) ? 1 : 0;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &large->run.softer, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
-  PetscCall(LatinLargeDifference_Private(large, tension, large->ahead, &large->stretch));
+  PetscCall(LatinLargeDifference_Private(large, tension, large->ahead, &large->run.stretch));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
 }
@@ -404,12 +406,13 @@ static PetscErrorCode LatinLargeCopies_Private(Latin latin, Vec u)
 
 /*
    Runs Newton's method from the displacements in the solution vector with the present operators. *done: the error is proved, or rounding
-   prevents more. Else it failed, or linear iterations cost more than new operators (large->slow). Collective on snes
+   prevents more. Else it failed, or linear iterations cost more than new operators (large->run.slow). Collective on snes
 */
 PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 {
   SNES_Latin         *data  = (SNES_Latin *)snes->data;
   LatinLarge         *large = &data->large;
+  LatinLargeRun      *run   = &large->run;
   SNESConvergedReason reason;
   KSPConvergedReason  linear;
   const PetscInt      longest = large->frame->original->midpoint ? (PetscInt)large->cost : LATIN_LARGE_LONG;
@@ -418,33 +421,33 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscBool *done)
 
   PetscFunctionBegin;
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
-  large->error         = 1.0;
-  large->first_step[0] = large->first_step[1] = 1.0;
-  large->force                                = PETSC_MAX_REAL;
-  large->limit                                = PetscMin(longest, SNESLatinStagesLeft(snes));
-  large->most                                 = large->frame->original->midpoint || large->frame->original->strain ? large->limit : PetscMin(large->limit, (PetscInt)(LATIN_LARGE_STALE * large->cost));
-  large->proofs                               = 0;
-  large->changed = large->softer = 0;
+  run->error         = 1.0;
+  run->first_step[0] = run->first_step[1] = 1.0;
+  run->force                              = PETSC_MAX_REAL;
+  run->limit                              = PetscMin(longest, SNESLatinStagesLeft(snes));
+  run->most                               = large->frame->original->midpoint || large->frame->original->strain ? run->limit : PetscMin(run->limit, (PetscInt)(LATIN_LARGE_STALE * large->cost));
+  run->proofs                             = 0;
+  run->changed = run->softer = 0;
   if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
-  PetscCall(LatinLargeTension_Private(snes, &large->tension));
+  PetscCall(LatinLargeTension_Private(snes, &run->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));
   PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
   PetscCall(SNESGetLinearSolveIterations(data->newton.snes, &stages));
   data->newton.steps += steps;
-  data->newton.stages += stages + large->proofs;
+  data->newton.stages += stages + run->proofs;
   PetscCall(KSPGetConvergedReason(ksp, &linear));
-  large->unstable = (PetscBool)(linear == KSP_DIVERGED_INDEFINITE_MAT);
-  large->slow     = (PetscBool)(reason == SNES_DIVERGED_MAX_IT || linear == KSP_DIVERGED_ITS);
-  if (large->unstable) PetscCall(PetscInfo(snes, "The tangent stiffness is not positive definite\n"));
+  run->unstable = (PetscBool)(linear == KSP_DIVERGED_INDEFINITE_MAT);
+  run->slow     = (PetscBool)(reason == SNES_DIVERGED_MAX_IT || linear == KSP_DIVERGED_ITS);
+  if (run->unstable) PetscCall(PetscInfo(snes, "The tangent stiffness is not positive definite\n"));
   PetscCall(PetscInfo(snes, "Newton's method ended with %s after %" PetscInt_FMT " linear iterations\n", SNESConvergedReasons[reason], stages));
-  *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->original->midpoint || large->force <= large->balance)));
+  *done = (PetscBool)(reason > 0 || (reason == SNES_DIVERGED_LOCAL_MIN && (!large->frame->original->midpoint || run->force <= large->balance)));
   if (!*done) PetscFunctionReturn(0);
-  if (reason < 0) PetscCall(PetscInfo(snes, "The requested error, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
+  if (reason < 0) PetscCall(PetscInfo(snes, "The requested error, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)run->error));
   /* a time step counts as converged at rounding */
-  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->original->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING));
+  PetscCall(SNESLatinLargeClaim_Private(snes, run->error, reason > 0 || large->frame->original->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING));
   PetscFunctionReturn(0);
 }
 
@@ -471,6 +474,6 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   }
   PetscCall(SNESGetKSP(data->newton.snes, ksp));
   PetscCall(KSPSetOperators(*ksp, A, P));
-  data->large.limit = LATIN_LARGE_PREDICT;
+  data->large.run.limit = LATIN_LARGE_PREDICT;
   PetscFunctionReturn(0);
 }

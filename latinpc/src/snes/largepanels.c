@@ -69,11 +69,11 @@ static PetscErrorCode LatinPanelsSeek_Private(SNES snes, LatinPath *path, PetscR
   else PetscCall(LatinPathForces_Private(v));
   PetscCall(VecNorm(v, NORM_INFINITY, &size));
   PetscCall(VecAYPX(v, ratio > 0.0 ? ratio : LATIN_PANELS_DISTURB * part * far / size, path->u));
-  if (ratio > 0.0) PetscCall(LatinPathNear_Private(snes, path, large->reached + part, v, found));
-  else PetscCall(LatinPathDown_Private(snes, path, path->u, large->reached + part, v, found));
+  if (ratio > 0.0) PetscCall(LatinPathNear_Private(snes, path, large->path.reached + part, v, found));
+  else PetscCall(LatinPathDown_Private(snes, path, path->u, large->path.reached + part, v, found));
   PetscCall(VecWAXPY(path->step, -1.0, path->u, v));
   PetscCall(VecNorm(path->step, NORM_INFINITY, &moved));
-  PetscCall(PetscInfo(snes, "Links at kinks alone hold the structure at %g of the path: %s %g of it further, %g away\n", (double)large->reached, *found ? "a stable state" : "none", (double)part, (double)moved));
+  PetscCall(PetscInfo(snes, "Links at kinks alone hold the structure at %g of the path: %s %g of it further, %g away\n", (double)large->path.reached, *found ? "a stable state" : "none", (double)part, (double)moved));
   last->linear = *found && ratio > 0.0 && ratio <= 1.01 * LATIN_PANELS_LIGHTER && moved <= LATIN_PANELS_LINEAR * ratio * size ? last->linear + 1 : 0;
   if (!*found) PetscFunctionReturn(0);
   PetscCall(VecCopy(v, last->u));
@@ -85,13 +85,13 @@ static PetscErrorCode LatinPanelsSeek_Private(SNES snes, LatinPath *path, PetscR
 static PetscErrorCode LatinPanelsRun_Private(SNES snes, LatinPath *path, PetscReal far, LatinPanelState *last, Vec v, PetscBool *goes)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  const PetscBool   start = (PetscBool)(path->unloaded && large->reached == 0.0);
-  const PetscReal   end = start ? 1.0 : PetscMin(LATIN_PANELS_BRANCH, 1.0 - large->reached), least = PetscMin(LATIN_PATH_STIFFENS, end);
+  const PetscBool   start = (PetscBool)(path->unloaded && large->path.reached == 0.0);
+  const PetscReal   end = start ? 1.0 : PetscMin(LATIN_PANELS_BRANCH, 1.0 - large->path.reached), least = PetscMin(LATIN_PATH_STIFFENS, end);
   PetscReal         part = LATIN_PANELS_HEAVY * large->size / far, lighter = LATIN_PANELS_LIGHTER;
   PetscBool         found;
 
   PetscFunctionBegin;
-  if (large->supports.moves) part = PetscMin(end, part);
+  if (large->path.supports.moves) part = PetscMin(end, part);
   while (!*goes && SNESLatinStagesLeft(snes) > 0 && part >= least) {
     PetscCall(LatinPanelsSeek_Private(snes, path, far, part, v, last, &found));
     *goes = (PetscBool)(found && part <= end && (start || last->linear >= LATIN_PANELS_STATES));
@@ -123,8 +123,8 @@ PetscErrorCode LatinPathPanels_Private(SNES snes, LatinPath *path, PetscBool *go
   *goes = PETSC_FALSE;
   PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
   PetscCall(VecNorm(path->ahead, NORM_INFINITY, &far));
-  if (path->far < PETSC_MAX_REAL && far > 0.0) PetscCall(LatinPanelsSlacken_Private(snes, path, large->reached > 0.0 ? LATIN_PATH_STIFFENS * far : 0.0, &slackens));
-  if (large->reached == 0.0) path->slackens = slackens;
+  if (path->far < PETSC_MAX_REAL && far > 0.0) PetscCall(LatinPanelsSlacken_Private(snes, path, large->path.reached > 0.0 ? LATIN_PATH_STIFFENS * far : 0.0, &slackens));
+  if (large->path.reached == 0.0) path->slackens = slackens;
   if (!slackens) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->original->dm, &last.u));
   PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
@@ -132,9 +132,9 @@ PetscErrorCode LatinPathPanels_Private(SNES snes, LatinPath *path, PetscBool *go
   if (*goes) {
     PetscCall(VecCopy(last.u, path->u));
     PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
-    large->reached += last.part;
-    large->sheared = PETSC_TRUE;
-    path->failed   = PETSC_MAX_REAL;
+    large->path.reached += last.part;
+    large->path.sheared = PETSC_TRUE;
+    path->failed        = PETSC_MAX_REAL;
   }
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &last.u));

@@ -37,21 +37,21 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
   PetscReal              h, s, moved;
 
   PetscFunctionBegin;
-  *guess = large->supports.moves ? path->step : path->u;
-  if (large->supports.moves) PetscCall(SNESLatinSupportsAhead_Private(snes, path->u, path->ahead, target->part - large->reached, path->step));
-  if (large->supports.moves || path->targets < 2 || !next->u || next->other) PetscFunctionReturn(0);
-  h = next->part - large->reached;
-  s = (target->part - large->reached) / h;
+  *guess = large->path.supports.moves ? path->step : path->u;
+  if (large->path.supports.moves) PetscCall(SNESLatinSupportsAhead_Private(snes, path->u, path->ahead, target->part - large->path.reached, path->step));
+  if (large->path.supports.moves || path->targets < 2 || !next->u || next->other) PetscFunctionReturn(0);
+  h = next->part - large->path.reached;
+  s = (target->part - large->path.reached) / h;
   PetscCall(VecWAXPY(path->step, -1.0, path->u, next->u));
   PetscCall(VecNorm(path->step, NORM_2, &moved));
   if (h * PetscMax(path->far, next->far) > LATIN_PATH_CURVE * moved) PetscFunctionReturn(0);
   PetscCall(VecAYPX(path->step, s * s * (3.0 - 2.0 * s), path->u));
   PetscCall(VecAXPY(path->step, h * s * (1.0 - s) * (1.0 - s), path->ahead));
   PetscCall(VecAXPY(path->step, h * s * s * (s - 1.0), next->ahead));
-  *guess            = path->step;
-  large->between[0] = path->u;
-  large->between[1] = next->u;
-  large->part       = s;
+  *guess                  = path->step;
+  large->guess.between[0] = path->u;
+  large->guess.between[1] = next->u;
+  large->guess.part       = s;
   PetscCall(PetscInfo(path->u, "%g of the path: sought on the curve to what is known at %g\n", (double)target->part, (double)next->part));
   PetscFunctionReturn(0);
 }
@@ -61,7 +61,7 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, 
 {
   SNES_Latin      *data   = (SNES_Latin *)snes->data;
   LatinPathTarget *target = &path->target[path->targets - 1];
-  const PetscReal  more   = target->part - data->large.reached;
+  const PetscReal  more   = target->part - data->large.path.reached;
   PetscBool        inside = (PetscBool)(!target->u && more > path->failed);
 
   PetscFunctionBegin;
@@ -84,7 +84,7 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, 
 static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 {
   LatinPathTarget *target = &path->target[path->targets - 1];
-  const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.reached;
+  const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.path.reached;
   PetscReal        corrected, none = LATIN_LARGE_NONE * ((SNES_Latin *)snes->data)->large.size; /* rounding, if loads do not change */
 
   PetscFunctionBegin;
@@ -139,7 +139,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
     if (target->passed) PetscFunctionReturn(0);
     PetscCall(LatinPathGuess_Private(snes, path, &guess));
     PetscCall(LatinPathSolve_Private(snes, path, guess, &found));
-    large->between[0] = large->between[1] = NULL;
+    large->guess.between[0] = large->guess.between[1] = NULL;
     if (!found) PetscFunctionReturn(0);
     PetscCall(LatinPathSee_Private(snes, path, target));
   }
@@ -184,9 +184,9 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
-  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)data->large.reached));
+  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)data->large.path.reached));
   data->next = LATIN_NEXT_DIVERGED;
-  PetscCall(SNESLatinSupportsAt_Private(snes, data->large.reached));
+  PetscCall(SNESLatinSupportsAt_Private(snes, data->large.path.reached));
   PetscCall(LatinPathForces_Private(path->step));
   PetscCall(LatinPathMode_Private(snes, path->u, path->step));
   PetscCall(LatinEquilibriumMoved_Private(data->large.frame->original, path->step, &data->found));
@@ -202,19 +202,19 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
 
   PetscFunctionBegin;
   while (path->targets) PetscCall(LatinPathReached_Private(path));
-  if (large->reached < 1.0) LatinPathCloser(path, 1.0);
+  if (large->path.reached < 1.0) LatinPathCloser(path, 1.0);
   while (path->targets && SNESLatinStagesLeft(snes) > 0) {
     while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
     LatinPathTarget *target = &path->target[path->targets - 1];
-    const PetscReal  more   = target->part - large->reached;
+    const PetscReal  more   = target->part - large->path.reached;
 
     if (more < (path->stiffens ? LATIN_PATH_SMALL : LATIN_PATH_LEAST)) break;
     PetscCall(LatinPathIncrement_Private(snes, path, &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-    if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);
+    if (smaller < 1.0) LatinPathCloser(path, large->path.reached + smaller * more);
     else {
-      path->last     = more;
-      large->reached = target->part;
+      path->last          = more;
+      large->path.reached = target->part;
       PetscCall(LatinPathReached_Private(path));
     }
   }
@@ -234,7 +234,7 @@ static PetscErrorCode LatinPathAnew_Private(SNES snes, LatinPath *path, PetscBoo
   PetscCall(DMGetGlobalVector(large->frame->original->dm, &u));
   PetscCall(VecCopy(path->u, u));
   PetscCall(LatinPathLoaded_Private(snes, path, starts));
-  if (*starts) large->branch = -1.0;
+  if (*starts) large->path.branch = -1.0;
   else {
     PetscCall(VecCopy(u, path->u));
     PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
@@ -258,10 +258,10 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
     if (data->next == LATIN_NEXT_GIVEN || !path->targets) PetscFunctionReturn(0);
     goes = from = PETSC_FALSE;
     if (SNESLatinStagesLeft(snes) > 0 && data->newton.type != LATIN_NEWTON_NEVER) {
-      if (!path->unloaded || data->large.reached > 0.0) PetscCall(LatinPathPanels_Private(snes, path, &goes));
+      if (!path->unloaded || data->large.path.reached > 0.0) PetscCall(LatinPathPanels_Private(snes, path, &goes));
       if (!goes) PetscCall(LatinPathBranch_Private(snes, path, &goes));
     }
-    if (!goes && path->unloaded && path->slackens && data->large.reached == 0.0) {
+    if (!goes && path->unloaded && path->slackens && data->large.path.reached == 0.0) {
       PetscCall(LatinPathAnew_Private(snes, path, &from));
       goes = from;
     }
@@ -300,7 +300,7 @@ static PetscErrorCode LatinPathFollowed_Private(SNES snes, PetscBool *follows)
 {
   const SNES_Latin    *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->original;
-  const PetscBool      other     = (PetscBool)(data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !data->large.solution));
+  const PetscBool      other     = (PetscBool)(data->stop == LATIN_STOP_REFERENCE || SNESLatinUserTest(snes) || (SNESLatinWarm(data) && !data->large.path.solution));
 
   PetscFunctionBegin;
   *follows = PETSC_FALSE;
@@ -318,8 +318,8 @@ static PetscErrorCode LatinPathAtOnce_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeIterate_Private(snes));
   if (data->next == LATIN_NEXT_DIVERGED || data->next == LATIN_NEXT_NOT_FINITE) PetscCall(SNESLatinLargeConvex_Private(snes, PETSC_TRUE, &done));
-  data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
-  PetscCall(VecDestroy(&data->large.solution));
+  data->large.path.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+  PetscCall(VecDestroy(&data->large.path.solution));
   PetscFunctionReturn(0);
 }
 
@@ -351,12 +351,12 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   data->stop = stop;
   while (path.targets) PetscCall(LatinPathReached_Private(&path));
   snes->vec_rhs = rhs; /* after an error as well: path->more is a work vector, which the SNES must not destroy */
-  if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->reached);
+  if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->path.reached);
   PetscCall(LatinSupportsReset_Private(large));
   for (PetscInt i = 0; i < 6; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(ierr);
-  if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
-  PetscCall(VecCopy(snes->vec_sol, large->solution));
+  if (!large->path.solution) PetscCall(VecDuplicate(snes->vec_sol, &large->path.solution));
+  PetscCall(VecCopy(snes->vec_sol, large->path.solution));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }

@@ -66,13 +66,13 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
 PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscReal *norm)
 {
   const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
-  const PetscReal   part  = large->supports.part;
+  const PetscReal   part  = large->path.supports.part;
   Vec               r;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
   PetscCall(SNESComputeFunction(snes, ahead, r));
-  PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
+  PetscCall(SNESLatinSupportsAt_Private(snes, large->path.reached));
   PetscCall(SNESLatinLargePredict_Private(snes, u, r, ahead, norm));
   PetscCall(SNESLatinSupportsAt_Private(snes, part));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));

@@ -149,7 +149,7 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before, PetscReal *f
   if (near) {
     PetscCall(VecCopy(snes->vec_sol, before));
     PetscCall(LatinTautFrom_Private(snes, before));
-    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    data->large.path.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);
   }
   PetscCall(VecCopy(before, snes->vec_sol));

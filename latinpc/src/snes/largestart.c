@@ -176,10 +176,10 @@ PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *fro
   PetscCall(LatinStructureLoads_Private(structure, rhs, path->whole));
   PetscCall(VecZeroEntries(path->first));
   *from = last = SNESLatinWarm(data);
-  if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));
+  if (data->guess && data->large.path.solution) PetscCall(VecEqual(snes->vec_sol, data->large.path.solution, &last));
   if (*from || data->guess) {
-    PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
-    PetscCall(SNESLatinSupportsFrom_Private(snes, last ? data->large.held : structure->prescribed));
+    PetscCall(VecCopy(*from ? data->large.path.solution : snes->vec_sol, path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, last ? data->large.path.held : structure->prescribed));
   }
   if (data->guess) PetscCall(LatinPathHeld_Private(snes, path, from));
   if (*from) PetscCall(LatinPathFirst_Private(structure, path));

@@ -24,8 +24,8 @@ PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
   LatinLarge *large = &data->large;
 
   PetscFunctionBegin;
-  if (!large->supports.moves || large->supports.part == part) PetscFunctionReturn(0);
-  LatinSupportsMove(large->frame->original, &large->supports, part);
+  if (!large->path.supports.moves || large->path.supports.part == part) PetscFunctionReturn(0);
+  LatinSupportsMove(large->frame->original, &large->path.supports, part);
   large->frame->held_state = large->frame->original->held_state;
   PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
@@ -35,7 +35,7 @@ PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
 PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
 {
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
-  LatinSupports *supports  = &large->supports;
+  LatinSupports *supports  = &large->path.supports;
   LatinStructure structure = large->frame->original;
   const PetscInt n = structure->dim * structure->nodes_local, m = structure->dim * structure->vertices;
   PetscMPIInt    moves = 0;
@@ -64,9 +64,9 @@ PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
   Vec         r;
 
   PetscFunctionBegin;
-  if (!large->supports.moves) PetscFunctionReturn(0);
+  if (!large->path.supports.moves) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->dm, &r));
-  PetscCall(LatinTurningHeld_Private(large->frame->original, u, large->supports.vertex_moved, r));
+  PetscCall(LatinTurningHeld_Private(large->frame->original, u, large->path.supports.vertex_moved, r));
   PetscCall(VecAXPY(load, -1.0, r));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscFunctionReturn(0);
@@ -74,21 +74,21 @@ PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
 
 /*
    Predicts the displacements `ahead` from the equilibrium u, `more` of the path further, and initial strains and tensions for Newton's method
-   (large->start): supports that move alone would overstretch the links next to them. rate: displacements of the whole path by the tangent stiffness at
+   (large->guess.start): supports that move alone would overstretch the links next to them. rate: displacements of the whole path by the tangent stiffness at
    u. Collective on snes
 */
 PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscReal more, Vec ahead)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
   const LatinStructure structure = large->frame->original;
-  const PetscReal      part      = large->supports.part;
+  const PetscReal      part      = large->path.supports.part;
   const PetscInt       n         = structure->links_local;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
-  PetscCall(PetscFree(large->start));
-  PetscCall(PetscMalloc1(2 * n + 1, &large->start)); /* not NULL without links either */
-  PetscCall(LatinTurningAhead_Private(structure, u, large->supports.vertex_moved, rate, more, large->start, large->start + n));
+  PetscCall(SNESLatinSupportsAt_Private(snes, large->path.reached));
+  PetscCall(PetscFree(large->guess.start));
+  PetscCall(PetscMalloc1(2 * n + 1, &large->guess.start)); /* not NULL without links either */
+  PetscCall(LatinTurningAhead_Private(structure, u, large->path.supports.vertex_moved, rate, more, large->guess.start, large->guess.start + n));
   PetscCall(VecWAXPY(ahead, more, rate, u));
   PetscCall(SNESLatinSupportsAt_Private(snes, part));
   PetscFunctionReturn(0);
@@ -108,12 +108,12 @@ PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscR
   PetscFunctionBegin;
   *borne = PETSC_MAX_REAL;
   PetscCall(SNESLatinSupportsAt_Private(snes, reached));
-  if (!large->held) PetscCall(PetscMalloc1(n + 1, &large->held));
-  PetscCall(PetscArraycpy(large->held, structure->prescribed, n));
-  if (!large->supports.moves) PetscFunctionReturn(0);
+  if (!large->path.held) PetscCall(PetscMalloc1(n + 1, &large->path.held));
+  PetscCall(PetscArraycpy(large->path.held, structure->prescribed, n));
+  if (!large->path.supports.moves) PetscFunctionReturn(0);
   for (PetscInt i = 0; i < n; i++) {
-    sum[0] += large->held[i] * large->supports.given[i];
-    sum[1] += PetscSqr(large->supports.given[i]);
+    sum[0] += large->path.held[i] * large->path.supports.given[i];
+    sum[1] += PetscSqr(large->path.supports.given[i]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   *borne = sum[1] > 0.0 ? sum[0] / sum[1] : reached; /* none are given: part of the way back to zero */
@@ -125,9 +125,9 @@ PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscR
 PetscErrorCode LatinSupportsReset_Private(LatinLarge *large)
 {
   PetscFunctionBegin;
-  if (large->supports.moves && large->supports.part < 1.0) LatinSupportsMove(large->frame->original, &large->supports, 1.0);
-  PetscCall(PetscFree4(large->supports.given, large->supports.moved, large->supports.vertex_given, large->supports.vertex_moved));
-  PetscCall(PetscFree(large->start));
-  large->supports.moves = PETSC_FALSE;
+  if (large->path.supports.moves && large->path.supports.part < 1.0) LatinSupportsMove(large->frame->original, &large->path.supports, 1.0);
+  PetscCall(PetscFree4(large->path.supports.given, large->path.supports.moved, large->path.supports.vertex_given, large->path.supports.vertex_moved));
+  PetscCall(PetscFree(large->guess.start));
+  large->path.supports.moves = PETSC_FALSE;
   PetscFunctionReturn(0);
 }

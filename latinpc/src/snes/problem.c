@@ -59,8 +59,8 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
   PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
-  PetscCall(VecDestroy(&data->large.solution));
-  PetscCall(PetscFree(data->large.held));
+  PetscCall(VecDestroy(&data->large.path.solution));
+  PetscCall(PetscFree(data->large.path.held));
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));

@@ -128,7 +128,7 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
   data = (SNES_Latin *)snes->data;
   PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large and solve first");
   if (renewals) *renewals = data->large.renewals;
-  if (borne) *borne = data->large.reached;
+  if (borne) *borne = data->large.path.reached;
   PetscFunctionReturn(0);
 }
 
@@ -153,7 +153,7 @@ PetscErrorCode SNESLatinGetBranch(SNES snes, PetscBool *begins)
   data = (SNES_Latin *)snes->data;
   PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large and solve first");
   PetscAssertPointer(begins, 2);
-  *begins = (PetscBool)(data->large.branch >= 0.0 && data->large.reached < 1.0);
+  *begins = (PetscBool)(data->large.path.branch >= 0.0 && data->large.path.reached < 1.0);
   PetscFunctionReturn(0);
 }
 
@@ -303,7 +303,7 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
   if (data->done)
     PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
-  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry large: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
+  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry large: operators rebuilt %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.path.reached));
   else if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->original->geometry]));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {

@@ -150,52 +150,68 @@ typedef struct {
   PetscReal *given, *moved;               /* [nodes_local][dim] prescribed displacements; their change since the start of the path */
   PetscReal *vertex_given, *vertex_moved; /* [vertices][dim] the same */
 } LatinSupports;
+/* Progress of the iteration (snes/largeiterate.c) */
+typedef struct {
+  PetscInt  stages, window; /* linear stages in this window; stages of a window */
+  PetscReal least, before;  /* least measure of this window and of the last one */
+  PetscInt  idle;           /* successive linear stages that change little and do not halve the measure of the stop */
+  PetscReal lowest;         /* the measure before the `idle` stages */
+  PetscReal half;           /* the measure when it was last halved */
+  PetscInt  halved;         /* linear stage of that */
+} LatinLargeProgress;
+/* Tensions and strains at the start of Newton's method, if not those of the displacements; two equilibria, or given ones */
+typedef struct {
+  Vec        between[2]; /* equilibria between which they are interpolated, or NULL; strains of an interpolated guess are wrong by the rotations */
+  PetscReal  part;       /* position between them: 0 the first, 1 the second */
+  PetscReal *start;      /* [2][links_local of the structure] given ones, or NULL */
+} LatinLargeGuess;
+/* A run of Newton's method (snes/largenewton.c) */
+typedef struct {
+  PetscReal tension;         /* norm of what rounding of coordinates multiplies, see LatinLargeTension_Private() */
+  PetscInt  limit, most;     /* most linear iterations: of a solve; of the run */
+  PetscReal first;           /* initial residual norm of a linear solve */
+  PetscReal error;           /* estimated error after a step */
+  PetscReal force;           /* residual norm after a step, with the laws themselves */
+  PetscReal stretch;         /* relative change of the tensions by a step */
+  PetscReal first_step[2];   /* first step: relative length, relative change of the tensions */
+  PetscInt  changed, softer; /* links, after the last step: of other stiffness than in the operators; softened by this step */
+  PetscInt  proofs;          /* linear stages spent on the norms of residuals that prove an error */
+  PetscBool slow;            /* it has reached its iteration limit */
+  PetscBool unstable;        /* the tangent stiffness is not positive definite */
+} LatinLargeRun;
+/* The path of the loads (snes/largepath.c) */
+typedef struct {
+  PetscReal     reached;  /* part of the loads at the present equilibrium */
+  PetscReal     branch;   /* part of the loads at which a stable branch begins, by buckling; negative: unknown */
+  PetscBool     sheared;  /* the path has passed a panel whose crossed cables slackened together */
+  Vec           solution; /* displacements at the end of the last path */
+  PetscReal    *held;     /* prescribed displacements there, [nodes_local][dim] */
+  LatinSupports supports;
+} LatinLargePath;
 typedef struct {
   LatinStructure frame;    /* replaces the structure in the iteration (structure/frame.c); NULL: geometry linear */
   PetscBool      given;    /* the geometry is set by an option */
   LatinGeometry  geometry; /* that geometry */
-  /* of this solve */
-  PetscInt  renewals;       /* set-ups of the operators at other displacements */
-  PetscInt  stages, window; /* linear stages in this window; stages of a window */
-  PetscReal least, before;  /* least measure of this window and of the last one */
-  PetscInt  idle;           /* successive linear stages that change little and do not halve the measure of the stop */
-  PetscReal half;           /* the measure when it was last halved */
-  PetscInt  halved;         /* linear stage of that */
-  PetscReal lowest;         /* the measure before the `idle` stages */
-  PetscReal near;           /* estimated error below which Newton's method is tried */
-  PetscReal cost;           /* cost of a set-up, in linear stages */
-  PetscBool stateless;      /* operators of the tangent stiffness: the state z is not that of the solution vector */
-  PetscBool newton_failed;  /* Newton's method has failed; it is tried again nearer to the solution only */
-  PetscBool inside_failed;  /* the interior-point method of links that only pull or push has failed; it is not tried again */
-  /* Newton's method */
-  Vec        between[2];         /* two equilibria for interpolated initial strains, or NULL; strains of an interpolated guess are wrong by the rotations */
-  PetscReal  part;               /* position between them: 0 the first, 1 the second */
-  PetscReal *start;              /* [2][links_local of the structure] given initial tensions and strains, or NULL */
+  /* of this solve: the problem and its goal */
+  PetscReal size;           /* size of the structure */
+  PetscReal loads, balance; /* norm of the loads; largest residual norm at convergence */
+  PetscInt  last;           /* number of the last linear stage allowed for these loads */
+  /* operators */
+  PetscReal cost;      /* cost of a set-up, in linear stages */
+  PetscInt  renewals;  /* set-ups at other displacements */
+  PetscBool stateless; /* they are of the tangent stiffness: the state z is not that of the solution vector */
+  /* from the iteration to Newton's method */
+  PetscReal  near;               /* estimated error below which it is tried */
+  PetscBool  iterated;           /* it starts from the last iterate */
+  PetscReal  iteration_error[2]; /* its first step from there: error of the displacements, of the tensions */
+  PetscBool  newton_failed;      /* it has failed; it is tried again nearer to the solution only */
+  PetscBool  inside_failed;      /* the interior-point method of links that only pull or push has failed; it is not tried again */
   PetscReal *ahead;              /* [2][links_local of the structure] tensions ahead of the displacements, and their linearised strains; NULL in time steps */
-  PetscReal  error;              /* estimated error after a step */
-  PetscReal  force;              /* residual norm after a step, with the laws themselves */
-  PetscReal  first_step[2];      /* first step of a run: relative length, relative change of the tensions */
-  PetscReal  iteration_error[2]; /* the same of the run from the last iterate of the iteration: its error */
-  PetscReal  first;              /* initial residual norm of a linear solve */
-  PetscInt   limit;              /* most iterations of a linear solve */
-  PetscInt   proofs;             /* linear stages spent on the norms of residuals that prove an error */
-  PetscReal  stretch;            /* relative change of the tensions by a step */
-  PetscReal  balance, loads;     /* largest residual norm with that error; norm of the loads */
-  PetscReal  size, tension;      /* size of the structure; norm of its initial tensions */
-  PetscInt   last;               /* number of the last linear stage allowed for these loads */
-  PetscReal  reached;            /* part of the loads at the present equilibrium */
-  PetscReal  branch;             /* part of the loads at which a stable branch begins, by buckling; negative: unknown */
-  PetscBool  sheared;            /* the path has passed a panel whose crossed cables slackened together */
-  Vec        solution;           /* displacements at the end of the last path */
-  PetscReal *held;               /* prescribed displacements there, [nodes_local][dim] */
-  PetscInt   most;               /* most linear iterations */
-  PetscInt   changed;            /* links whose stiffness differs from that of the operators, after the last step */
-  PetscInt   softer;             /* links softened by the last step */
-  PetscBool  iterated;           /* Newton's method starts from the last iterate of the iteration */
-  PetscBool  slow;               /* the last run has reached its iteration limit */
-  PetscBool  unstable;           /* the tangent stiffness is not positive definite */
 
-  LatinSupports supports;
+  LatinLargeProgress progress;
+  LatinLargeGuess    guess;
+  LatinLargeRun      run;
+  LatinLargePath     path;
 } LatinLarge;
 
 /* ---- SNES latin ---- */

@@ -51,7 +51,7 @@ static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure 
   if (state->ts) PetscFunctionReturn(0);
   PetscCall(LatinStateAddArray_Private(state, "operator_kind", LATIN_STATE_KIND, LATIN_STATE_KIND, state->kind));
   PetscCall(LatinStateAddArray_Private(state, "multiplier", 1, frame->spring ? 2 * frame->original->links_local : 0, frame->spring));
-  PetscCall(LatinStateAdd_Private(state, "path", large->solution ? large->solution : state->u));
+  PetscCall(LatinStateAdd_Private(state, "path", large->path.solution ? large->path.solution : state->u));
   PetscFunctionReturn(0);
 }
 
@@ -250,7 +250,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     head.rigid_scale = (double)data->latin->rigid_scale;
     head.solutions   = data->has_state + (data->has_state && data->has_before);
     if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
-    state.kind[1] = data->large.solution ? 1.0 : 0.0;
+    state.kind[1] = data->large.path.solution ? 1.0 : 0.0;
     if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->original);
   }
   PetscCall(LatinStateStructure_Private(&state, &head.structure));
@@ -280,7 +280,7 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
   state->items = 0;
   PetscCall(LatinStateItems_Private(state));
   PetscCall(LatinStateTransfer_Private(PetscObjectComm((PetscObject)state->snes), file, NULL, head, state));
-  if (state->kind[1] == 0.0) PetscCall(VecDestroy(&data->large.solution));
+  if (state->kind[1] == 0.0) PetscCall(VecDestroy(&data->large.path.solution));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &other, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)frame)));
   if (other) frame->original_e0 = -1;
   PetscFunctionReturn(0);
@@ -313,7 +313,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCall(SNESSetUp(state.snes));
   PetscCall(LatinStateStructure_Private(&state, &structure));
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
-  if (snes && snes->large.frame && !ts && !snes->large.solution) PetscCall(VecDuplicate(u, &snes->large.solution));
+  if (snes && snes->large.frame && !ts && !snes->large.path.solution) PetscCall(VecDuplicate(u, &snes->large.path.solution));
   PetscCall(LatinStateItems_Private(&state));
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
   if (snes && snes->large.frame) PetscCall(LatinStateOperators_Private(&state, file, &head));
