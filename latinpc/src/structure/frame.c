@@ -3,7 +3,7 @@
 #include "structure/turning.h"
 
 /*
-   The frame: a structure with fixed directions that represents rotating links. Each link of the base becomes dim parts between the same nodes, with
+   The frame: a structure with fixed directions that represents rotating links. Each link of the original becomes dim parts between the same nodes, with
    orthogonal directions, first along the link, then across it. So operators, subdomains and interfaces are those of any structure; only the local stage
    differs (stages/localturning.c).
 
@@ -50,7 +50,7 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
   for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
 }
 
-/* Stiffness, law, and shift of the strain of link l of the base, in which rigid links are springs: p, cable or compression only, lambda / p */
+/* Stiffness, law, and shift of the strain of link l of the original, in which rigid links are springs: p, cable or compression only, lambda / p */
 static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 {
   return LatinLaws[frame->original->law[l]].rigid ? frame->spring[l] : frame->original->stiffness[l];
@@ -71,19 +71,19 @@ static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
 /* Computes the parts of all links, geometry prestress */
 static void LatinFramePrestress(LatinStructure frame)
 {
-  const LatinStructure base = frame->original;
-  const PetscInt       dim  = base->dim;
+  const LatinStructure original = frame->original;
+  const PetscInt       dim      = original->dim;
 
-  for (PetscInt l = 0; l < base->links_local; l++) {
-    const LatinLaw *law    = &LatinLaws[base->law[l]];
+  for (PetscInt l = 0; l < original->links_local; l++) {
+    const LatinLaw *law    = &LatinLaws[original->law[l]];
     PetscReal       length = 0.0;
 
-    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(base->span[dim * l + c]);
-    LatinFrameAxes(dim, base->direction + dim * l, frame->direction + dim * dim * l);
+    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(original->span[dim * l + c]);
+    LatinFrameAxes(dim, original->direction + dim * l, frame->direction + dim * dim * l);
     for (PetscInt c = 0; c < dim; c++) {
-      frame->law[dim * l + c]       = c ? LATIN_LAW_BAR : base->law[l];
-      frame->stiffness[dim * l + c] = c ? law->tension(base->stiffness[l], base->e0[l], law->ctx) / PetscSqrtReal(length) : base->stiffness[l];
-      frame->e0[dim * l + c]        = c ? 0.0 : base->e0[l];
+      frame->law[dim * l + c]       = c ? LATIN_LAW_BAR : original->law[l];
+      frame->stiffness[dim * l + c] = c ? law->tension(original->stiffness[l], original->e0[l], law->ctx) / PetscSqrtReal(length) : original->stiffness[l];
+      frame->e0[dim * l + c]        = c ? 0.0 : original->e0[l];
     }
   }
 }
@@ -132,31 +132,31 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
   *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
-/* Computes data of the links of the base, link[links_local], their bases, frame->direction, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
+/* Computes data of the links of the original, link[links_local], their bases, frame->direction, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], LatinFrameSums *sum)
 {
-  const LatinStructure base = frame->original;
-  const PetscInt       dim  = base->dim;
+  const LatinStructure original = frame->original;
+  const PetscInt       dim      = original->dim;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(sum, sizeof(*sum)));
-  for (PetscInt l = 0; l < base->links_local; l++) {
+  for (PetscInt l = 0; l < original->links_local; l++) {
     const LatinLaw *law   = &LatinLaws[LatinFrameLaw(frame, l)];
-    const PetscBool keeps = LatinStructureKeeps(base, l);
+    const PetscBool keeps = LatinStructureKeeps(original, l);
     const PetscReal k = LatinFrameStiffness(frame, l), shift = LatinFrameShift(frame, l);
     PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0, x, tension;
 
     for (PetscInt c = 0; c < dim; c++) {
-      r[c] = base->span[dim * l + c] + (a ? PetscRealPart(a[dim * base->ends[2 * l + 1] + c] - a[dim * base->ends[2 * l] + c]) : 0.0);
-      length += PetscSqr(base->span[dim * l + c]);
+      r[c] = original->span[dim * l + c] + (a ? PetscRealPart(a[dim * original->ends[2 * l + 1] + c] - a[dim * original->ends[2 * l] + c]) : 0.0);
+      length += PetscSqr(original->span[dim * l + c]);
       size += PetscSqr(r[c]);
     }
     size = PetscSqrtReal(size);
-    x    = base->e0[l] + shift + (!keeps ? size - PetscSqrtReal(length) : a ? LatinStructureElongation(base, l, a) : 0.0);
-    if (keeps || !LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
+    x    = original->e0[l] + shift + (!keeps ? size - PetscSqrtReal(length) : a ? LatinStructureElongation(original, l, a) : 0.0);
+    if (keeps || !LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, original->direction + dim * l, dim));
     LatinFrameAxes(dim, n, frame->direction + dim * dim * l);
     tension        = law->tension(k, x, law->ctx);
-    link[l].k      = base->slope ? base->slope[l] : law->tangent(k, base->strain ? base->strain[l] + shift : x, law->ctx);
+    link[l].k      = original->slope ? original->slope[l] : law->tangent(k, original->strain ? original->strain[l] + shift : x, law->ctx);
     link[l].across = !keeps && size > 0.0 ? tension / size : 0.0;
     link[l].loaded = (PetscBool)(tension != 0.0);
     sum->all += 1.0;
@@ -165,31 +165,31 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
       sum->taut += 1.0;
       sum->across += link[l].across;
     }
-    link[l].across = LatinTurnedAcross(base, l, size, link[l].k, link[l].across);
+    link[l].across = LatinTurnedAcross(original, l, size, link[l].k, link[l].across);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)original)));
   PetscFunctionReturn(0);
 }
 
 /* Computes natural lengths and initial elongations of the parts; no operator depends on them */
 static void LatinFrameLengths(LatinStructure frame)
 {
-  const LatinStructure base = frame->original;
-  const PetscInt       dim  = base->dim;
+  const LatinStructure original = frame->original;
+  const PetscInt       dim      = original->dim;
 
-  for (PetscInt i = 0; i < dim * base->links_local; i++) {
+  for (PetscInt i = 0; i < dim * original->links_local; i++) {
     const PetscInt   l    = i / dim;
-    const PetscReal *span = base->span + dim * l, *row = frame->direction + dim * i;
+    const PetscReal *span = original->span + dim * l, *row = frame->direction + dim * i;
     PetscReal        whole = 0.0, length = 0.0, along = 0.0;
 
     for (PetscInt d = 0; d < dim; d++) {
       whole += row[d] * span[d];
       length += PetscSqr(span[d]);
-      along += base->direction[dim * l + d] * span[d];
+      along += original->direction[dim * l + d] * span[d];
     }
-    length                                           = LatinStructureKeeps(base, l) ? along : PetscSqrtReal(length);
-    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - base->e0[l] - LatinFrameShift(frame, l);
-    frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(base, l) ? 1.0 : 0.0;
+    length                                           = LatinStructureKeeps(original, l) ? along : PetscSqrtReal(length);
+    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - original->e0[l] - LatinFrameShift(frame, l);
+    frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(original, l) ? 1.0 : 0.0;
     frame->e0[i]                                     = whole; /* component of r0, so that the strain of a part is that of r */
   }
 }
@@ -207,8 +207,8 @@ static void LatinFrameMean(LatinStructure step, PetscInt l, const PetscScalar a[
 /* Computes the parts of all links, geometry large, at vertex displacements a; NULL: as drawn. Collective on frame */
 static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
 {
-  const LatinStructure base = frame->original;
-  const PetscInt       dim = base->dim, m = base->links_local;
+  const LatinStructure original = frame->original;
+  const PetscInt       dim = original->dim, m = original->links_local;
   PetscReal            most = 0.0;
   LatinFrameLink      *link;
   LatinFrameSums       sum;
@@ -216,7 +216,7 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &link));
   PetscCall(LatinFrameMeasure_Private(frame, a, link, &sum));
-  for (PetscInt l = 0; l < m && base->midpoint && a; l++) LatinFrameMean(base, l, a, link + l);
+  for (PetscInt l = 0; l < m && original->midpoint && a; l++) LatinFrameMean(original, l, a, link + l);
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
   frame->made = type;
@@ -253,23 +253,23 @@ PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal s
   PetscFunctionReturn(0);
 }
 
-/* Recomputes directions and stiffnesses of the parts at displacements u of the base; NULL: as drawn. Collective on frame */
+/* Recomputes directions and stiffnesses of the parts at displacements u of the original; NULL: as drawn. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
-  const LatinStructure base = frame->original;
+  const LatinStructure original = frame->original;
   const PetscScalar   *a;
   Vec                  local;
 
   PetscFunctionBegin;
   frame->geometry = LATIN_GEOMETRY_LINEAR; /* of the frame: its parts have fixed directions */
-  if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
+  if (original->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
   else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
-    PetscCall(LatinStructureOpen_Private(base, base->vertex_prescribed, u, &local, &a));
+    PetscCall(LatinStructureOpen_Private(original, original->vertex_prescribed, u, &local, &a));
     PetscCall(LatinFrameLarge_Private(frame, a, type));
-    PetscCall(LatinStructureClose_Private(base, &local, &a));
+    PetscCall(LatinStructureClose_Private(original, &local, &a));
   }
-  frame->general = (PetscBool)(base->geometry == LATIN_GEOMETRY_PRESTRESS && base->general);
+  frame->general = (PetscBool)(original->geometry == LATIN_GEOMETRY_PRESTRESS && original->general);
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));
   PetscFunctionReturn(0);
 }
@@ -287,69 +287,69 @@ PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 /* Creates the springs of rigid links: initial penalties, multipliers zero. Collective on frame */
 PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 {
-  const LatinStructure base = frame->original;
-  const PetscInt       n    = base->links_local;
+  const LatinStructure original = frame->original;
+  const PetscInt       n        = original->links_local;
 
   PetscFunctionBegin;
   PetscCall(PetscFree(frame->spring));
-  if (base->rigid_law < 0) PetscFunctionReturn(0);
+  if (original->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* + 1: not NULL on a rank without links */
-  PetscCall(LatinStructureStiffness_Private(base, 0.0, frame->spring));
+  PetscCall(LatinStructureStiffness_Private(original, 0.0, frame->spring));
   for (PetscInt l = 0; l < n; l++) frame->spring[l] *= LATIN_FRAME_PENALTY;
   PetscFunctionReturn(0);
 }
 
-/* Updates the frame after changes of the base: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
+/* Updates the frame after changes of the original: laws and initial elongations rebuild the parts, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
-  const LatinStructure base = frame->original;
+  const LatinStructure original = frame->original;
   PetscObjectState     state;
 
   PetscFunctionBegin;
-  PetscCall(PetscObjectStateGet((PetscObject)base, &state));
-  frame->load_state = base->load_state;
-  frame->held_state = base->held_state;
-  if (state == frame->original_state && base->e0_state == frame->original_e0) PetscFunctionReturn(0);
-  frame->original_e0 = base->e0_state;
+  PetscCall(PetscObjectStateGet((PetscObject)original, &state));
+  frame->load_state = original->load_state;
+  frame->held_state = original->held_state;
+  if (state == frame->original_state && original->e0_state == frame->original_e0) PetscFunctionReturn(0);
+  frame->original_e0 = original->e0_state;
   frame->e0_state++;
-  if (state == frame->original_state && base->base) { /* another time step: new spans, same operators */
+  if (state == frame->original_state && original->base) { /* another time step: new spans, same operators */
     LatinFrameLengths(frame);
     PetscFunctionReturn(0);
   }
   PetscCall(LatinFramePenalty_Private(frame));
   PetscCall(PetscFree(frame->part));
-  if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* + 1: not NULL without links */
-  PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
+  if (original->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* + 1: not NULL without links */
+  PetscCall(LatinFrameRenew_Private(frame, NULL, original->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
   PetscCall(PetscObjectStateGet((PetscObject)frame, &frame->parts_state));
   frame->original_state = state;
   PetscFunctionReturn(0);
 }
 
-/* Creates the frame of a base that is set up and whose geometry is not linear. Collective on base */
-PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *newframe)
+/* Creates the frame of a structure that is set up and whose geometry is not linear. Collective on original */
+PetscErrorCode LatinFrameCreate_Private(LatinStructure original, LatinStructure *newframe)
 {
-  const PetscInt dim = base->dim, m = dim * base->links_local;
+  const PetscInt dim = original->dim, m = dim * original->links_local;
   LatinStructure frame;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureDerive_Private(base, "Parts of links that turn", &frame));
-  frame->original          = base;
+  PetscCall(LatinStructureDerive_Private(original, "Parts of links that turn", &frame));
+  frame->original          = original;
   frame->original_state    = -1; /* not yet followed */
   frame->rigid_law         = -1;
   frame->keeps             = NULL;
   frame->links_local       = m;
-  frame->links_global      = dim * base->links_global;
-  frame->links_start       = dim * base->links_start;
-  frame->prescribed        = base->prescribed;
-  frame->vertex_prescribed = base->vertex_prescribed;
-  frame->load              = base->load;
+  frame->links_global      = dim * original->links_global;
+  frame->links_start       = dim * original->links_start;
+  frame->prescribed        = original->prescribed;
+  frame->vertex_prescribed = original->vertex_prescribed;
+  frame->load              = original->load;
   PetscCall(PetscObjectReference((PetscObject)frame->load));
-  frame->ground = base->ground;
+  frame->ground = original->ground;
   PetscCall(PetscObjectReference((PetscObject)frame->ground));
   PetscCall(PetscMalloc6(2 * m, &frame->nodes, 2 * m, &frame->ends, m, &frame->law, m, &frame->stiffness, m, &frame->e0, dim * m, &frame->direction));
   for (PetscInt i = 0; i < 2 * m; i++) {
-    frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];
-    frame->ends[i]  = base->ends[2 * (i / 2 / dim) + i % 2];
+    frame->nodes[i] = original->nodes[2 * (i / 2 / dim) + i % 2];
+    frame->ends[i]  = original->ends[2 * (i / 2 / dim) + i % 2];
   }
   PetscCall(LatinFrameFollow_Private(frame));
   *newframe = frame;
