@@ -111,12 +111,20 @@ static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrame
   else *c = PetscMax(least, link->across);
 }
 
+/* Returns the mean tau / R of the taut links, at least a small part of the mean stiffness */
+static PetscReal LatinFrameTension(const LatinFrameSums *sum)
+{
+  const PetscReal mean = sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all;
+
+  return PetscMax(mean, LATIN_FRAME_LOWEST * sum->stiff / sum->all);
+}
+
 /* Computes the search direction (k, c) of link l */
 static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFrameLink *link, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
-  const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
-  const PetscReal whole = LatinFrameStiffness(frame, l), low = PetscMin(LATIN_FRAME_SLACK * mean, whole);
-  const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && link->across <= LATIN_FRAME_NEAR * mean);
+  const PetscReal mean = LatinFrameTension(sum), whole = LatinFrameStiffness(frame, l), low = PetscMin(LATIN_FRAME_SLACK * mean, whole);
+  const PetscBool drawn = (PetscBool)(type == LATIN_FRAME_DRAWN);
+  PetscReal       across;
 
   if (type >= LATIN_FRAME_TANGENT) {
     LatinFrameTangent(frame, l, link, (PetscBool)(type == LATIN_FRAME_FIRM), mean, k, c);
@@ -128,8 +136,10 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFra
     if (!link->loaded) *k = low;
     return;
   }
-  if (slack) *k = low;
-  *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
+  if (!drawn && LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && link->across <= LATIN_FRAME_NEAR * mean) *k = low; /* slack, or nearly */
+  if (link->across > 0.0) across = drawn ? LATIN_FRAME_FIRST * link->across : link->across;
+  else across = -LATIN_FRAME_STRUT * link->across;
+  *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, across));
 }
 
 /* Computes data of the links of the original, link[links_local], their bases, frame->direction, and sums, at vertex displacements a; NULL: as drawn. Collective on frame */
