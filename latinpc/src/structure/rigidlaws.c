@@ -170,13 +170,38 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
   return PetscSqrtReal(size) - PetscSqrtReal(length) + structure->e0[l];
 }
 
+/* Whether no free displacement strains the rigid link l. free: [vertices][dim], not zero at free components. Tangential parts of contacts have no gap */
+static PetscBool LatinHeldRigid(LatinStructure structure, PetscInt l, const PetscScalar free[])
+{
+  const PetscInt   dim = structure->dim, *to = structure->ends + 2 * l;
+  const PetscReal *n       = structure->direction + dim * l;
+  const PetscBool  rotates = (PetscBool)(structure->span && !LatinStructureKeeps(structure, l));
+
+  if (!LatinLaws[structure->law[l]].rigid || structure->law[l] == LATIN_LAW_TANGENT) return PETSC_FALSE;
+  for (PetscInt c = 0; c < dim; c++) {
+    if (!rotates && n[c] == 0.0) continue;
+    if (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+/* Returns the sum of the terms of the strain of link l under the vertex displacements a, which rounding multiplies */
+static PetscReal LatinHeldTerms(LatinStructure structure, PetscInt l, const PetscScalar a[])
+{
+  const PetscInt   dim = structure->dim, *to = structure->ends + 2 * l;
+  const PetscReal *n   = structure->direction + dim * l;
+  PetscReal        sum = PetscAbsReal(structure->e0[l]);
+
+  for (PetscInt c = 0; c < dim; c++) sum += PetscAbsReal(structure->span ? 1.0 : n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
+  return sum;
+}
+
 /*
    Checks, before a solve, rigid links that no free displacement strains: prescribed displacements of their ends (in a time step, increments) must be
    kinematically admissible. If not: an error; a time step, which may fail, sets *jam to such a link of this rank, -1: none. Collective on structure
 */
 PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscInt *jam)
 {
-  const PetscInt     dim    = structure->dim;
   PetscInt           bad    = -1;
   PetscReal          missed = 0.0;
   Vec                none, u, open;
@@ -191,17 +216,9 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscIn
   PetscCall(VecSet(none, 1.0));
   PetscCall(LatinStructureOpen_Private(structure, NULL, none, &open, &free));
   for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
-    const PetscInt  *to = structure->ends + 2 * l;
-    const PetscReal *n = structure->direction + dim * l, sign = LatinLawSign(structure->law[l]);
-    PetscReal        ends = PetscAbsReal(structure->e0[l]);
-    PetscBool        held = (PetscBool)(LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT);
-
-    for (PetscInt c = 0; c < dim; c++) {
-      if ((n[c] != 0.0 || (structure->span && !LatinStructureKeeps(structure, l))) && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
-      ends += PetscAbsReal(structure->span ? 1.0 : n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
-    }
-    missed = sign * LatinHeldStrain(structure, l, a);
-    if (held && missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * ends) bad = l;
+    if (!LatinHeldRigid(structure, l, free)) continue;
+    missed = LatinLawSign(structure->law[l]) * LatinHeldStrain(structure, l, a);
+    if (missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * LatinHeldTerms(structure, l, a)) bad = l;
   }
   PetscCall(LatinStructureClose_Private(structure, &open, &free));
   PetscCall(LatinStructureClose_Private(structure, &u, &a));
