@@ -242,6 +242,15 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
   PetscFunctionReturn(0);
 }
 
+/* Whether the first step of Newton's method proves the iterate from which it started, with unbalanced forces of norm `left` */
+static PetscBool LatinLargeMeasured(const SNES_Latin *data, PetscReal left)
+{
+  const LatinLarge *large = &data->large;
+
+  if (large->run.unstable || !(left <= large->balance)) return PETSC_FALSE;
+  return (PetscBool)(LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data));
+}
+
 /*
    Runs Newton's method with operators of the tangent stiffness, and makes new ones whenever linear iterations cost more than a set-up,
    until it converges or stagnates. measures: it starts at the iterate u with unbalanced forces of norm `left`; its first step then measures
@@ -251,24 +260,29 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscBool mea
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
-  PetscInt    steps = 1;
-  PetscReal   least[LATIN_LARGE_STAGNATION], far = 0.0;
+  PetscInt    steps;
+  PetscReal   least[LATIN_LARGE_STAGNATION], far;
 
   PetscFunctionBegin;
-  /* without a step the next operators would be the same, after a leap away those of a mechanism */
-  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->run.slow && steps && far <= LATIN_LARGE_NOWHERE * large->size && SNESLatinStagesLeft(snes) > 0; k++) {
+  for (PetscInt k = 0; k < LATIN_LARGE_MOST && !*done && large->run.slow && SNESLatinStagesLeft(snes) > 0; k++) {
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     PetscCall(SNESLatinLargeNewton_Private(snes, done));
+    if (*done) break;
+    if (!k && measures) {
+      PetscCall(PetscArraycpy(large->iteration_error, large->run.first_step, 2));
+      if (LatinLargeMeasured(data, left)) {
+        PetscCall(VecCopy(u, snes->vec_sol));
+        data->estimate.tensions = LATIN_LARGE_SAFETY * large->iteration_error[1];
+        PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->iteration_error[0], LATIN_NEXT_CONVERGED));
+        *done = PETSC_TRUE;
+        break;
+      }
+    }
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
-    if (!large->frame->original->midpoint) PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far)); /* the mean forces of a time step may balance there */
-    if (*done) continue;
-    if (!k && measures) PetscCall(PetscArraycpy(large->iteration_error, large->run.first_step, 2));
-    if (!k && measures && !large->run.unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->iteration_error[0] <= data->target && LATIN_LARGE_SAFETY * large->iteration_error[1] <= SNESLatinTensionTarget(data)) {
-      PetscCall(VecCopy(u, snes->vec_sol));
-      data->estimate.tensions = LATIN_LARGE_SAFETY * large->iteration_error[1];
-      PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->iteration_error[0], LATIN_NEXT_CONVERGED));
-      *done = PETSC_TRUE;
-    } else if (LatinLargeStagnates(large, k, least)) break;
+    if (!steps || LatinLargeStagnates(large, k, least)) break; /* without a step the next operators would be the same */
+    if (large->frame->original->midpoint) continue;            /* the mean forces of a time step may balance far away */
+    PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far));
+    if (!(far <= LATIN_LARGE_NOWHERE * large->size)) break; /* operators there are those of a mechanism */
   }
   PetscFunctionReturn(0);
 }
