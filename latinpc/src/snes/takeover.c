@@ -19,6 +19,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
   const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* LatinGetDigits() needs tensions as functions of displacements */
+  const PetscBool small = (PetscBool)(data->newton.error <= data->target);
   PetscReal       unbalance, rounding, size, least;
 
   PetscFunctionBegin;
@@ -28,14 +29,14 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (size <= least && (rigid || data->found.balanced)) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((PetscMax(data->estimate.floor, LATIN_DIGITS_SAFETY * data->found.blur) <= data->target && data->newton.error <= data->target) || data->estimate.energy ||
-      (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame)
-    PetscFunctionReturn(0);
+  if (data->estimate.energy || data->large.frame) PetscFunctionReturn(0);
+  if (rigid && (small || data->next == LATIN_NEXT_CONVERGED_FNORM)) PetscFunctionReturn(0);
+  if (small && PetscMax(data->estimate.floor, LATIN_DIGITS_SAFETY * data->found.blur) <= data->target) PetscFunctionReturn(0);
   if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   /* the remaining stiffness of slack links hides soft nodes */
   data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);
-  data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
-  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a time step of a motion converges as far as rounding allows */
+  data->estimate.value = small ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* the length of a step is the error before it */
+  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);   /* a time step of a motion converges as far as rounding allows */
   data->next = LATIN_NEXT_ROUNDING;
   PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
@@ -48,7 +49,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   const PetscBool rigid  = (PetscBool)(data->latin->sub.structure->rigid_law >= 0);
   LatinNewton    *newton = &data->newton;
   PetscReal       size;
-  PetscBool       shown, rests;
+  PetscBool       shown, left, missed, rests;
 
   PetscFunctionBegin;
   *done = PETSC_TRUE;
@@ -63,11 +64,12 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
     newton->error = newton->tensions = 0.0;
   }
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
-  shown                   = (PetscBool)((SNESLatinEstimates(data) && data->found.error > newton->target) || (rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) ||
-                      (rigid && data->stop == LATIN_STOP_INDICATOR && data->found.missed > SNESLatinShown(newton->target)));
+  shown                   = (PetscBool)(SNESLatinEstimates(data) && data->found.error > newton->target);
+  left                    = (PetscBool)(rigid && SNESLatinBalances(snes) && SNESLatinUnbalanced(data));
+  missed                  = (PetscBool)(rigid && data->stop == LATIN_STOP_INDICATOR && data->found.missed > SNESLatinShown(newton->target));
   if (SNESLatinLeft(snes, newton->loads)) data->next = LATIN_NEXT_ROUNDING;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
-  else if (shown) *done = PETSC_FALSE;
+  else if (shown || left || missed) *done = PETSC_FALSE;
   if (!*done) PetscCall(PetscInfo(snes, "Newton's method rejected: the unbalance shows an error of at least %g\n", (double)data->found.error)); /* a linear solve has missed a soft mode */
   if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next) && SNESLatinUnbalanceRounded(snes)) {
