@@ -233,7 +233,7 @@ LARGE = {
         "path, where a guy slackens. With 4 elsewhere a random tower of 240 is given an equilibrium beyond a limit "
         "point; 240 random structures take 2 % fewer set-ups. At a limit point it is 1e5.",
     ),
-    "LATIN_BRANCH_AHEAD": ("of the path", "Sixteen times the least increment: the branch begins within one of these."),
+    "LATIN_BRANCH_AHEAD": ("", "The branch begins within one of these; a quarter of the step must not end before it."),
     "LATIN_BRANCH_LESS": ("times less", "Displacements are a quarter, or half: well apart from each other and from 1."),
     "LATIN_BRANCH_NEARER": ("ratio", "Between 1/2, of what buckles and bears more, and 1, of what snaps through."),
     "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
@@ -302,8 +302,10 @@ LARGE = {
         "tower has one more, with 2 three masts have nodes of guys.",
     ),
     "LATIN_PATH_LEAST": (
-        "of the loads",
-        "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",
+        "of the loads borne",
+        "Of all loads, two of 600 structures of cables are refused: domes whose loads are thousands of times what "
+        "their prestress bears. With 1e-2 five of 700 random structures were refused next to where a cable slackens; "
+        "limit points take more.",
     ),
     "LATIN_PATH_SMALL": (
         "of the loads",

@@ -42,7 +42,7 @@ def tent(meshes, load, tension):
 @pytest.mark.parametrize("load", [-3000.0, -300.0, 1000.0])
 @pytest.mark.parametrize(("meshes", "tension"), [(2, 100.0), (3, 100.0), (6, 1000.0)])
 def test_what_stiffens_under_a_millionth_of_the_loads(meshes, tension, load):
-    """A ten-thousandth of the loads, the least increment, was too large: it stiffens where it is soft."""
+    """A ten-thousandth of the loads is too large an increment: it stiffens where it is soft."""
     drawn = tent(meshes, load, tension)
     found = drawn.solve(error=1e-8)
     assert found.converged, found.notices

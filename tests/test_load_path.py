@@ -50,6 +50,15 @@ def test_limit_point_of_two_bars(truss):
 
 
 @pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("times", [50.0, 1e3, 1e5])
+def test_limit_points_far_below_the_loads(times):
+    """The least increment is relative to the loads borne, not to all: the closed form, to a thousandth of itself."""
+    result = scene(turning.von_mises(times * turning.von_mises_limit())).solve()
+    assert not result.converged
+    assert 1 - 1e-3 < times * result.report["load_factor"] <= 1.0
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
 @pytest.mark.parametrize("limit", [20, 200, 400])
 def test_a_limit_of_stages_is_no_limit_point(limit):
     """-snes_max_it counts the stages of Newton's method too, and ends a path without a claim: this tower holds."""

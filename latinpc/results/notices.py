@@ -52,13 +52,12 @@ STRAINED = 0.2  # the largest strain that a constant stiffness is taken for
 HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestress holds a structure beyond it
 RIGID_WHERE_LARGE = (Law.INEXTENSIBLE, Law.CONTACT)
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
-COARSE = 1e-2  # of the loads: less may be borne where an increment of 1e-4 of them moves the structure far
 _NAMED = 5
 _DRAWN = {
     "mechanism": "the structure as drawn is a mechanism that no prestress holds: tighten links, prescribe more"
     " displacements or add links",
     "unstable": "the structure as drawn is unstable: its prestress makes it buckle",
-    "soft": "no stable equilibrium was found under 1e-4 of the loads, the least increment: they are far too large"
+    "soft": "no stable equilibrium was found under 1e-8 of the loads, the least increment: they are far too large"
     " (apply a part of them), or prestress does not hold the structure",
 }
 _NOWHERE = (
@@ -396,8 +395,6 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
         text = (
             f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
         )
-        if factor < COARSE:
-            text += ", or increments of 1e-4 of the loads, the least, are too large here: apply a part of them"
     moved = f"; nodes that move most in its mode: {named}" if named else ""
     return [f"{text}. Displacements are those of this part of the loads{moved}"]
 

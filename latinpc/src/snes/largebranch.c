@@ -14,11 +14,11 @@
    snap-through leads equally far under both. The first cause is sought before (snes/largepanels.c).
 */
 
-#define LATIN_BRANCH_DISTURB 1e-6                      /* disturbance of the state that a descent begins at, along the mode, relative to the size */
-#define LATIN_BRANCH_AHEAD   (16.0 * LATIN_PATH_LEAST) /* part of the path: step onto a branch */
-#define LATIN_BRANCH_LESS    4.0                       /* divisor of this step for the second state, which shows the kind of branch */
-#define LATIN_BRANCH_NEARER  0.75                      /* largest ratio of both distances on a branch: they grow as the loads (1/4) or as their root (1/2) */
-#define LATIN_BRANCH_LINEAR  0.35                      /* the same of a panel that shears, between 1/4 and the 1/2 of buckling */
+#define LATIN_BRANCH_DISTURB 1e-6 /* disturbance of the state that a descent begins at, along the mode, relative to the size */
+#define LATIN_BRANCH_AHEAD   16.0 /* step onto a branch, in least increments */
+#define LATIN_BRANCH_LESS    4.0  /* divisor of this step for the second state, which shows the kind of branch */
+#define LATIN_BRANCH_NEARER  0.75 /* largest ratio of both distances on a branch: they grow as the loads (1/4) or as their root (1/2) */
+#define LATIN_BRANCH_LINEAR  0.35 /* the same of a panel that shears, between 1/4 and the 1/2 of buckling */
 
 /* Operators at u, for the loads of that part of the path. Collective on snes */
 static PetscErrorCode LatinBranchOperators_Private(SNES snes, const LatinPath *path, Vec u, PetscReal part)
@@ -127,7 +127,7 @@ PetscErrorCode LatinPathSettle_Private(SNES snes, LatinPath *path, LatinPathTarg
   if (!large->path.sheared || path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(large->frame->original->dm, &v));
   PetscCall(LatinBranchMode_Private(snes, path, v));
-  PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD) * path->far + LATIN_BRANCH_DISTURB * large->size, target->u));
+  PetscCall(VecAYPX(v, PetscMin(more, LATIN_BRANCH_AHEAD * LATIN_PATH_LEAST) * path->far + LATIN_BRANCH_DISTURB * large->size, target->u));
   PetscCall(LatinPathDown_Private(snes, path, path->u, target->part, v, settles));
   if (*settles) PetscCall(VecCopy(v, target->u));
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
@@ -142,7 +142,7 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
 {
   LatinLarge *large  = &((SNES_Latin *)snes->data)->large;
   PetscBool   linear = PETSC_FALSE, begins = PETSC_FALSE;
-  PetscReal   more = PetscMin(LATIN_BRANCH_AHEAD, 1.0 - large->path.reached);
+  PetscReal   more = PetscMin(LATIN_BRANCH_AHEAD * LatinPathLeast(large->path.reached), 1.0 - large->path.reached);
   Vec         v, mode;
 
   PetscFunctionBegin;

@@ -142,9 +142,9 @@ static PetscErrorCode LatinPathStiffens_Private(SNES snes, const LatinPath *path
 
 /*
    Compares the increment from path->u to the target with the tangent stiffness at both ends. *smaller: 1 if the
-   increment is accepted, else the factor for the next one. Sets target->other and path->stiffens. Collective on snes
+   increment is accepted, else the factor for the next one. Sets target->other. Collective on snes
 */
-PetscErrorCode LatinPathCompare_Private(SNES snes, LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
+PetscErrorCode LatinPathCompare_Private(SNES snes, const LatinPath *path, LatinPathTarget *target, PetscReal *smaller)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->original;
   PetscBool            follows, stiffens = PETSC_FALSE;
@@ -154,8 +154,7 @@ PetscErrorCode LatinPathCompare_Private(SNES snes, LatinPath *path, LatinPathTar
   PetscCall(LatinPathRatesCreate_Private(snes, path, target, &rates));
   PetscCall(LatinPathFollows_Private(structure, path, target, &rates, &follows));
   if (follows) PetscCall(LatinPathStiffens_Private(snes, path, target, &rates, &stiffens));
-  target->other  = (PetscBool)(!follows && rates.moved > LATIN_PATH_FAR * PetscMax(path->far, target->far));
-  path->stiffens = (PetscBool)(target->stable && rates.moved <= path->far && target->far <= rates.moved);
+  target->other = (PetscBool)(!follows && rates.moved > LATIN_PATH_FAR * PetscMax(path->far, target->far));
   if (stiffens) *smaller = PetscMin(0.5, PetscMax(rates.moved / path->far, LATIN_PATH_STIFFENS / rates.part)); /* not below the size from which on stiffening is allowed */
   else *smaller = follows ? 1.0 : 0.5;
   PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)target->part, (double)(rates.part * rates.moved), (double)(rates.part * path->far), (double)(rates.part * target->far),

@@ -16,8 +16,8 @@
    3. Comparison with the predictions of the tangent stiffness at both ends (snes/largecompare.c): whether a path leads there.
    4. The increment is halved if the comparison fails, if no equilibrium is found, or if its tangent stiffness is not positive definite.
       Equilibria found for larger increments are kept and compared again from closer states, so no load is solved for twice; one that is
-      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST, or where the structure
-      stiffens below LATIN_PATH_SMALL, show a limit point or a critical load.
+      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST,
+      relative to the part of the path behind, show a limit point or a critical load.
 
    A warm start continues from the last equilibrium, a guess from the loads that it bears (snes/largestart.c).
 */
@@ -208,7 +208,7 @@ static PetscErrorCode LatinPathIncrements_Private(SNES snes, LatinPath *path)
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->path.reached;
 
-    if (more < (path->stiffens ? LATIN_PATH_SMALL : LATIN_PATH_LEAST)) break;
+    if (more < LatinPathLeast(large->path.reached)) break;
     PetscCall(LatinPathIncrement_Private(snes, path, &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     if (smaller < 1.0) LatinPathCloser(path, large->path.reached + smaller * more);

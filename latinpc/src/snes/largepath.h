@@ -8,8 +8,8 @@
 #include "snes/sneslatinimpl.h"
 
 #define LATIN_PATH_STIFFENS 1e-3 /* part of the path: in smaller increments a structure may stiffen at once, as where a cable tightens */
-#define LATIN_PATH_LEAST    1e-4 /* part of the path: the least increment. If it fails, the path has met a limit point */
-#define LATIN_PATH_SMALL    1e-8 /* part of the path: the same where the structure stiffens on the way */
+#define LATIN_PATH_LEAST    1e-4 /* least increment, relative to the part of the path behind: if it fails, the path has met a limit point */
+#define LATIN_PATH_SMALL    1e-8 /* part of the path: no increment is less. A structure that loads hold may stiffen at once at the start */
 #define LATIN_PATH_TARGETS  32   /* most targets at once: each increment is at most half the one before, and none below LATIN_PATH_SMALL */
 
 /*
@@ -47,10 +47,15 @@ typedef struct {
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
-  PetscBool       stiffens; /* the last equilibrium compared is stable, and the rate falls on the way to it */
   PetscBool       unloaded; /* the path starts without loads */
   PetscBool       slackens; /* only links at kinks of their laws hold the unloaded state where the path starts */
 } LatinPath;
+
+/* Returns the least increment, as a part of the path, from a position on it */
+static inline PetscReal LatinPathLeast(PetscReal reached)
+{
+  return PetscMax(LATIN_PATH_SMALL, LATIN_PATH_LEAST * reached);
+}
 
 /* snes/largestart.c */
 PETSC_INTERN PetscErrorCode LatinPathLoad_Private(SNES, const LatinPath *, PetscReal part);
@@ -62,7 +67,7 @@ PETSC_INTERN PetscErrorCode LatinPathLoaded_Private(SNES, LatinPath *, PetscBool
 PETSC_INTERN PetscErrorCode LatinPathStiffer_Private(LatinStructure, const PetscReal a[], const PetscReal b[], PetscBool *stiffer);
 PETSC_INTERN PetscErrorCode LatinPathTightens_Private(SNES, Vec u, Vec v, PetscBool *tightens);
 /* snes/largecompare.c */
-PETSC_INTERN PetscErrorCode LatinPathCompare_Private(SNES, LatinPath *, LatinPathTarget *, PetscReal *smaller);
+PETSC_INTERN PetscErrorCode LatinPathCompare_Private(SNES, const LatinPath *, LatinPathTarget *, PetscReal *smaller);
 /* snes/largepanels.c */
 PETSC_INTERN PetscErrorCode LatinPathPanels_Private(SNES, LatinPath *, PetscBool *goes);
 /* snes/largebranch.c */
