@@ -120,6 +120,7 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
 def _random(comm, count, seed, family, json_file):
     """Solve random structures; print the rates, or write the outcomes."""
     from latinpc.bench.extremes import rates, turning
+    from latinpc.bench.extremes.drawn import LARGE
 
     if family not in (None, *rates.FAMILIES):
         raise ValueError(f"--family {family}: choose from {', '.join(rates.FAMILIES)}")
@@ -132,7 +133,7 @@ def _random(comm, count, seed, family, json_file):
     bad = [one for one in document["outcomes"] if one["verdict"] in rates.BAD]
     if json_file != "-":
         right = f"relative errors below {rates.SLACK * rates.ASKED:g}"
-        if family == "large":
+        if family in LARGE:
             right = f"unbalanced forces below {turning.UNBALANCED:g} of the loads, stable, on the path of the loads"
         title = f"{count:,} random structures, seed {seed}; right: {right}"
         numbers = ", ".join(f"{one['number']} ({one['verdict']})" for one in bad[:10])
@@ -159,8 +160,9 @@ def extremes(comm, groups, count, seed, family, json_file):
     reference for displacements and tensions; with friction its existence may be unknown. The rate of solved
     structures counts those with an equilibrium.
 
-    --family large draws structures with large displacements, held by prestress. An independent code checks balance,
-    stability, and the path of equilibria from zero loads.
+    --family large draws structures with large displacements, held by prestress; --family cables those that are built:
+    bridges, roofs, guyed masts, braced frames. An independent code checks balance, stability, and the path of
+    equilibria from zero loads.
     """
     from latinpc.bench import extremes as catalogue
 

@@ -25,6 +25,12 @@ LARGEST = 0.02  # increment: with larger ones nodes click between slack cables a
 BEYOND = 1e-4  # of the loads: what they grow by where the path ends, for the structure to leave its last equilibrium
 STRIDE = 1e-3  # of the size: the largest move of a step to rest, so that no valley of the energy is passed by
 STEPS_REST = 2000  # to rest
+FIRST = (
+    0.0,
+    1.0,
+    0.1,
+    0.01,
+)  # of the loads, under which the structure comes to rest from the drawing: the first that holds it
 ENDS = 20  # of paths, one after the other
 
 
@@ -35,6 +41,9 @@ class Path:
     factor: float  #: part of the loads at the end, on a path of stable equilibria
     displacements: np.ndarray  #: (n, dim), there (m)
     follows: bool  #: whether the path goes on from there
+    first: float = (
+        0.0  #: part of the loads where it starts; more than none where nothing holds the structure without them
+    )
 
 
 class Corotational:
@@ -94,12 +103,16 @@ class Corotational:
             for j, b in enumerate(ends):
                 place = a[:, None, None], rows[:, None], b[:, None, None], rows[None]
                 np.add.at(matrix, place, block if i == j else -block)
-        return matrix.reshape(u.size, u.size)
+        matrix = matrix.reshape(u.size, u.size)
+        # nodes between slack links stay where they are, if they bear no load
+        loose = ~matrix.any(axis=1) & np.repeat(~self.load.any(axis=1), dim)
+        matrix[loose, loose] = np.abs(matrix).max() or 1.0
+        return matrix
 
-    def stable(self, u):
-        """Return whether the tangent stiffness is positive definite, by more than rounding."""
+    def stable(self, u, least=1e-13):
+        """Return whether the eigenvalues of the tangent stiffness are above this part of the largest: rounding."""
         values = np.linalg.eigvalsh(self.tangent(u))
-        return bool(len(values) == 0 or values[0] > 1e-13 * values[-1])
+        return bool(len(values) == 0 or values[0] > least * values[-1])
 
     def newton(self, u, factor=1.0, steps=STEPS):
         """Solve from u, its supports where this part of the path has them; return the displacements, or None."""
@@ -146,7 +159,18 @@ class Corotational:
         """Return the displacements as drawn: none."""
         return np.zeros(self.scene.nodes.shape, np.longdouble)
 
-    def follow(self, until=None, last=1.0, first=None):
+    def _first(self):
+        """Return a stable equilibrium and the part of the loads that it bears, none if possible; or (None, 0)."""
+        u = self.newton(self.start(), 0.0, STEPS_DRAWN)
+        if u is not None and self.stable(u):
+            return u, 0.0
+        for factor in FIRST:
+            u = self.rest(self.start(), factor)
+            if u is not None and self.stable(u):
+                return u, factor
+        return None, 0.0
+
+    def follow(self, until=None, last=1.0, first=None, largest=LARGEST):
         """Follow the equilibria under loads and prescribed displacements that grow together.
 
         Parameters
@@ -157,16 +181,18 @@ class Corotational:
             Part of the loads to end at.
         first : (displacements, float), optional
             A stable equilibrium to start from, and the part of the loads that it bears; else that without loads.
+        largest : float
+            Increment, relative to the last loads.
 
         Returns
         -------
         Path
             `factor` and `displacements` of the last equilibrium that was followed, stable and not beyond `until`.
         """
-        u, factor = first or (self.newton(self.start(), 0.0, STEPS_DRAWN), 0.0)
-        if u is None or not self.stable(u):
+        u, factor = first or self._first()
+        if u is None:
             return Path(0.0, self.start().astype(float), False)
-        increment, follows = LARGEST * last, True
+        start, increment, follows = factor, largest * last, True
         while factor < last:
             part = min(last, factor + increment)
             moved = self.newton(u, part)
@@ -174,13 +200,13 @@ class Corotational:
             beyond = good and until is not None and until(moved.astype(float), self.state(moved)[2].astype(float))
             if good and not beyond:
                 u, factor = moved, part
-                increment = min(GROW * increment, LARGEST * last)
+                increment = min(GROW * increment, largest * last)
             elif increment <= LEAST * max(part, 1e-12):
                 follows = bool(good)
                 break
             else:
                 increment *= 0.5
-        return Path(float(factor), u.astype(float), follows)
+        return Path(float(factor), u.astype(float), follows, start)
 
     def energy(self, u, factor):
         """Return the strain energy less the work of the loads (J), in long double."""
@@ -193,11 +219,11 @@ class Corotational:
         for _ in range(STEPS_REST):
             left = self.unbalance(u, factor)
             values, modes = np.linalg.eigh(self.tangent(u))
-            across = np.maximum(np.abs(values), 1e-12 * np.abs(values).max())
+            across = np.maximum(np.abs(values), 1e-12 * float(self.stiffness.max()))
             step = modes @ ((modes.T @ left.astype(float)) / across)
             moved = np.abs(step).max(initial=0.0)
-            if moved <= 1e-9 * self.size and values[0] > 0:
-                return self.newton(u, factor)
+            if moved <= 1e-9 * self.size:  # a mechanism without loads is nowhere at rest
+                return self.newton(u, factor) if values[0] > 0 else None
             length, before = min(1.0, STRIDE * self.size / moved), self.energy(u, factor)
             trial = u.copy()
             while True:

@@ -14,11 +14,12 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.scenes import Scene
 
-from . import turning
+from . import cables, turning
 
 STEPS = 15  #: of a motion
 SHARES = {"statics": 0.7, "collapse": 0.1, "rigid": 0.1, "friction": 0.05, "motion": 0.05}
-FAMILIES = (*SHARES, "large")  #: those drawn by their shares, and large displacements, drawn where asked for
+LARGE = {"large": turning.structure, "cables": cables.structure}  #: of large displacements, drawn where asked for
+FAMILIES = (*SHARES, *LARGE)
 SOFT = (Law.CABLE, Law.COMPRESSION_ONLY)
 STIFF = (Law.INEXTENSIBLE, Law.CONTACT)
 
@@ -48,8 +49,8 @@ def draw(seed, number, family=None):
     Drawn
     """
     rng = np.random.default_rng([seed, number])
-    if family == "large":
-        return Drawn(family, *turning.structure(rng))
+    if family in LARGE:
+        return Drawn(family, *LARGE[family](rng))
     drawn = rng.choice(list(SHARES), p=list(SHARES.values()))
     family = family or str(drawn)
     topology = str(rng.choice(list(TOPOLOGIES)))

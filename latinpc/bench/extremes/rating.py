@@ -21,7 +21,7 @@ from latinpc.runs.solve import solve  # noqa: E402
 
 from .case import Case  # noqa: E402
 from .conditions import missed  # noqa: E402
-from .drawn import draw  # noqa: E402
+from .drawn import LARGE, draw  # noqa: E402
 from .exact import solve_exactly  # noqa: E402
 from .rates import ASKED, SLACK  # noqa: E402
 from .rubbing import impossible, near, solve_rubbing  # noqa: E402
@@ -69,7 +69,7 @@ def judge(drawn, options):
     try:
         if drawn.steps:
             return _judge_motion(drawn, move(drawn.scene, drawn.steps, options=options, every=1))
-        result = solve(drawn.scene, (OPTIONS if drawn.family == "large" else {}) | options)
+        result = solve(drawn.scene, (OPTIONS if drawn.family in LARGE else {}) | options)
     except Exception as error:
         text = latinpc.error_message(error)
         return {"verdict": _refused(drawn, text), "reason": " ".join(text.split())[:300], "iterations": 0}
@@ -87,7 +87,7 @@ def _refused(drawn, reason):
     """
     if drawn.steps:
         return "unsolved"
-    if drawn.family == "large":
+    if drawn.family in LARGE:
         return refused_large(drawn.scene, reason)
     if ("mechanism" in reason or "no link reaches" in reason) and _mechanism(drawn.scene):
         return "refused"
@@ -110,7 +110,7 @@ def _mechanism(scene):
 
 def _judge_statics(drawn, u, tensions):
     scene = drawn.scene
-    if drawn.family == "large":
+    if drawn.family in LARGE:
         return judge_large(scene, u)
     if not np.isfinite(u).all():
         return {"verdict": "wrong"}

@@ -15,7 +15,7 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.scenes import make
 
-from .corotational import Corotational
+from .corotational import LARGEST, NOTHING, Corotational
 
 OPTIONS = {"snes_latin_error": 1e-8, "snes_latin_balance": 1e-9}  #: what the judge asks for
 UNBALANCED = 1e-8  #: of the loads: unbalanced forces that an equilibrium may leave
@@ -23,6 +23,8 @@ NEAR = 1e-6  # relative distance of equal displacements
 DEFLECTION = (2e-3, 0.2)  # of the size
 SLACK = 0.3  # of the cables
 CLICK = 1e-2  # of the size: nodes that click so far between slack cables have not snapped through
+FLAT = 1e-13  # of the energy, or the largest stiffness: as much is rounding, where next to nothing holds a node
+FINER = 0.1  # times the increment of a path, if that leads elsewhere: next to a branch
 MOST = 1e4  # times the loads of the scene: a structure that has not moved then is stiff
 
 
@@ -41,11 +43,16 @@ def structure(rng):
     """
     name, factor = str(rng.choice(list(SCENES))), 0.0
     while factor == 0.0:  # else the prestress alone moves it too far
-        scene = _shaken(rng, make(name, **SCENES[name](rng)))
-        path = _loaded(scene, 10.0 ** rng.uniform(*np.log10(DEFLECTION)))
-        part = rng.uniform(0.3, 0.99), rng.uniform(1.03, 2.0)
-        factor = path.factor if path.follows else path.factor * part[int(rng.random() < 0.5)]
+        scene = shaken(rng, make(name, **SCENES[name](rng)))
+        factor = grown(rng, scene)
     return name, replace(scene, load=factor * scene.load)
+
+
+def grown(rng, scene):
+    """Return a factor on the loads: up to a random deflection, or next to a limit point; 0 if nothing holds it."""
+    path = _loaded(scene, 10.0 ** rng.uniform(*np.log10(DEFLECTION)))
+    part = rng.uniform(0.3, 0.99), rng.uniform(1.03, 2.0)
+    return path.factor if path.follows else path.factor * part[int(rng.random() < 0.5)]
 
 
 def _loaded(scene, target):
@@ -90,7 +97,7 @@ SCENES = {
 }  # fmt: skip
 
 
-def _shaken(rng, scene):
+def shaken(rng, scene):
     """Return the scene with stiffnesses that differ, loads that do, and in one of four tensions out of balance."""
     tension = scene.prestress * 10.0 ** (rng.choice([0.0, 0.1], p=[0.75, 0.25]) * rng.uniform(-1, 1, len(scene.links)))
     stiffness = scene.stiffness * 10.0 ** rng.uniform(-0.3, 0.3, len(scene.links))
@@ -113,7 +120,8 @@ def judge(scene, u):
     dict
         verdict; u, the relative distance from the end of the path, and tension, the unbalanced forces relative to
         the loads. `elsewhere` is a stable equilibrium beside that where the structure is at rest, no further than
-        `CLICK`: where slack cables let nodes click over. Further it is wrong: the structure has snapped through.
+        `CLICK`: where slack cables let nodes click over; of rounding if its energy is the same. Further it is wrong:
+        the structure has snapped through. A path in finer increments comes before such verdicts.
     """
     if not np.isfinite(u).all():
         return {"verdict": "wrong"}
@@ -122,25 +130,39 @@ def judge(scene, u):
     if found["tension"] > UNBALANCED:
         return found | {"verdict": "wrong", "why": "unbalanced forces"}
     if not equations.stable(u.astype(np.longdouble)):
+        if equations.stable(u.astype(np.longdouble), least=-FLAT):
+            return found | {"verdict": "rounding", "why": "next to nothing holds a node"}
         return found | {"verdict": "wrong", "why": "the tangent stiffness is not positive definite"}
-    path = equations.follow()
-    end, clicks, why = path.displacements, 0.0, None
+    for largest in (LARGEST, FINER * LARGEST):
+        found |= _beside(equations, u, equations.follow(largest=largest))
+        if found["verdict"] in ("right", "rounding"):
+            break
+    return found
+
+
+def _beside(equations, u, path):
+    """Return the verdict on a stable equilibrium beside the path, and the reason; u if the path bears all loads."""
+    if path.first > 0.0:
+        return {"verdict": "right", "why": "nothing holds the structure without loads: any stable equilibrium is one"}
+    end, clicks, why = path.displacements, 0.0, "the path leads on"
     if path.factor < 1.0:
         why = f"the path of equilibria ends at {path.factor:.4g} of the loads"
         end, clicks = equations.beyond(path)
         if end is None:
-            return found | {"verdict": "wrong", "why": why}
-    far = float(np.linalg.norm(u - end, axis=1).max()) / equations.size
-    if why is None:
+            return {"verdict": "wrong", "why": why}
+    found, far = {}, float(np.linalg.norm(u - end, axis=1).max()) / equations.size
+    if path.factor >= 1.0:
         found["u"] = float(np.linalg.norm(u - end) / np.linalg.norm(end))
-        if found["u"] <= NEAR:
-            return found | {"verdict": "right"}
-    verdict = "elsewhere" if max(far, clicks) <= CLICK else "wrong"
-    told = f"{why or 'the path leads on'}; {far:.1g} of the size away from where the structure is at rest"
-    return found | {"verdict": verdict, "why": told}
+    if found.get("u", np.inf) <= NEAR or max(far, clicks) <= NOTHING:
+        return found | {"verdict": "right"}
+    verdict, told = "wrong", f"{far:.1g} of the size away from where the structure is at rest"
+    if max(far, clicks) <= CLICK:
+        here, there = (equations.energy(v.astype(np.longdouble), 1.0) for v in (u, end))
+        verdict = "rounding" if abs(here - there) <= FLAT * abs(there) else "elsewhere"
+    return found | {"verdict": verdict, "why": f"{why}; {told}"}
 
 
 def refused(scene, reason):
     """Say whether a refusal is right: where the path of equilibria ends before the loads, and the reason says so."""
-    told = any(why in reason for why in ("no stable equilibrium follows", "unstable, or buckles"))
+    told = any(why in reason for why in ("no stable equilibrium follows", "unstable, or buckles", "buckles at"))
     return "refused" if told and Corotational(scene).follow().factor < 1.0 else "unsolved"
