@@ -303,8 +303,8 @@ OTHERS = {
     "LATIN_ROUNDED_CONTRACTION": (
         "energy",
         "tensegrity-grid 200 1e-3, 13 stages in either precision; network 20000 3e-5; truss of 1000 bays 0.03. PC "
-        "latin, elasticity 24^3 1e-6, cubes beside others 1e6 times as stiff 2e-5; times the softest coarse "
-        "displacement it separates these (0.1 and 7e-7): bars of 2000 x 4 x 4 cells, 1e-8, take 14 iterations in "
+        "latin, elasticity 24^3 1e-6, cubes beside others 1e6 times as stiff 2e-5; the softest coarse "
+        "displacement, 0.03 and 3e-8, separates these: bars of 2000 x 4 x 4 cells, 1e-8, take 14 iterations in "
         "single precision, 10 in double.",
     ),
     "LATIN_SINGLE_ENTRIES": (

@@ -61,9 +61,25 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
 }
 
 /*
-   Sets fine->whole, the stiffness of each coarse dof before condensation, which scales its rounding: that of the links at a primal dof, T^-1 = H + 1 of
-   a macro displacement, see stages/homogenise.c. An H of the size of that rounding is a mechanism
+   Computes the stiffness of subdomain s, of this diagonal, and of its springs in each macro displacement: whole = R^t diag(K) R + 1. It bounds the
+   rounding of H + 1 = T^-1, see stages/homogenise.c: springs much softer than the subdomain lose digits
 */
+static void LatinGroupsMacros(const LatinCoarse *coarse, PetscInt s, const PetscReal diagonal[], PetscReal whole[])
+{
+  const LatinInterfaces *inter = coarse->inter;
+  const LatinMacro      *macro = coarse->macro;
+
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinFaceModes *of = &macro->of[f];
+    const PetscReal      *R  = macro->basis + of->first;
+
+    for (PetscInt i = 0; i < of->modes; i++) whole[of->at + i] = 1.0;
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++, R += of->modes)
+      for (PetscInt i = 0; i < of->modes; i++) whole[of->at + i] += PetscSqr(R[i]) * diagonal[inter->side_dof[k]];
+  }
+}
+
+/* Sets fine->whole, the stiffness of each coarse dof before condensation. A stiffness of the size of its rounding is a mechanism */
 static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const LatinElements *fine)
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -74,11 +90,11 @@ static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const 
   PetscCall(PetscMalloc1(sub->bs * sub->copies, &diagonal));
   PetscCall(LatinOperatorDiagonal(sub, diagonal));
   for (PetscInt s = 0; s < fine->n; s++) {
-    const PetscInt   m = fine->offset[s + 1] - fine->offset[s], macros = coarse->macro_count[s];
-    const PetscReal *H     = fine->H + fine->h_offset[s];
-    PetscReal       *whole = fine->whole + fine->offset[s];
+    PetscReal *whole = fine->whole + fine->offset[s];
 
-    for (PetscInt i = 0; i < m; i++) whole[i] = i < macros ? H[i + m * i] + 1.0 : diagonal[inter->primal_dof[inter->primal_offset[s] + i - macros]];
+    LatinGroupsMacros(coarse, s, diagonal, whole);
+    whole += coarse->macro_count[s];
+    for (PetscInt i = inter->primal_offset[s]; i < inter->primal_offset[s + 1]; i++) *whole++ = diagonal[inter->primal_dof[i]];
   }
   PetscCall(PetscFree(diagonal));
   PetscFunctionReturn(0);

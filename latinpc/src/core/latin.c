@@ -205,8 +205,8 @@ static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
 }
 
 /*
-   Tests the coarse matrix if subdomains are condensed in single precision. Their energies cancel in it, their rounding errors do not. If these are not
-   small relative to the energy of its softest displacement, repeats the linear stage's set-up in double precision. Collective on latin
+   Tests the coarse matrix if subdomains are condensed in single precision. Their energies cancel in it, their rounding errors do not. If its softest
+   displacement is less than the contraction by the factors, repeats the linear stage's set-up in double precision. Collective on latin
 */
 static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
 {
@@ -216,7 +216,7 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionBegin;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
   PetscCall(PetscInfo(latin, "condensed to %g, softest coarse displacement %g\n", (double)most[0], (double)-most[1]));
-  if (!latin->coarse.ksp || !(most[0] > -LATIN_ROUNDED_CONTRACTION * most[1])) PetscFunctionReturn(0);
+  if (!latin->coarse.ksp || !(most[0] > -most[1])) PetscFunctionReturn(0);
   latin->linear.precise = PETSC_TRUE;
   PetscCall(LatinLinearReset(&latin->linear));
   PetscCall(LatinLocalSolversRetire(solvers));
