@@ -25,12 +25,7 @@ LARGEST = 0.02  # increment: with larger ones nodes click between slack cables a
 BEYOND = 1e-4  # of the loads: what they grow by where the path ends, for the structure to leave its last equilibrium
 STRIDE = 1e-3  # of the size: the largest move of a step to rest, so that no valley of the energy is passed by
 STEPS_REST = 2000  # to rest
-FIRST = (
-    0.0,
-    1.0,
-    0.1,
-    0.01,
-)  # of the loads, under which the structure comes to rest from the drawing: the first that holds it
+FIRST = 0.0, 1.0, 0.1, 0.01  # of the loads: a path starts at rest under the first part that holds the structure
 ENDS = 20  # of paths, one after the other
 
 
@@ -41,9 +36,7 @@ class Path:
     factor: float  #: part of the loads at the end, on a path of stable equilibria
     displacements: np.ndarray  #: (n, dim), there (m)
     follows: bool  #: whether the path goes on from there
-    first: float = (
-        0.0  #: part of the loads where it starts; more than none where nothing holds the structure without them
-    )
+    first: float = 0.0  #: part of the loads where it starts: none, unless they alone hold the structure
 
 
 class Corotational:

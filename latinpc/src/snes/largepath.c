@@ -16,8 +16,8 @@
    3. Comparison with the predictions of the tangent stiffness at both ends (snes/largecompare.c): whether a path leads there.
    4. The increment is halved if the comparison fails, if no equilibrium is found, or if its tangent stiffness is not positive definite.
       Equilibria found for larger increments are kept and compared again from closer states, so no load is solved for twice; one that is
-      again further away than a path can lead is on another path and is dropped. Increments below LATIN_PATH_LEAST,
-      relative to the part of the path behind, show a limit point or a critical load.
+      again further away than a path can lead is on another path and is dropped. Increments below the least, which is relative to the
+      part of the path behind, show a limit point or a critical load.
 
    A warm start continues from the last equilibrium, a guess from the loads that it bears (snes/largestart.c).
 */
