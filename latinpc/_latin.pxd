@@ -16,6 +16,9 @@ cdef extern from *:
     PetscErrorCode PetscFree(void *)
     PetscErrorCode PetscOptionsUsed(void *, const char[], PetscBool *)
 
+cdef extern from "Python.h":
+    int PyErr_CheckSignals()  # the exception stays pending, for petsc4py to raise
+
 cdef extern from "latinpc.h":
     int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
 
@@ -48,6 +51,8 @@ cdef extern from "latinpc.h":
         PetscInt linear_stages
         PetscReal stage_seconds
 
+    ctypedef PetscErrorCode LatinInterruptFn() noexcept
+    PetscErrorCode LatinSetInterrupt(LatinInterruptFn *)
     PetscErrorCode LatinInitializePackage()
 
     ctypedef struct LatinLawFunctions:  # functions of C, known here by their addresses only

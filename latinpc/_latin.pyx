@@ -86,6 +86,16 @@ def initialize_package():
     CHKERR(LatinInitializePackage())
 
 
+cdef PetscErrorCode check_signals() noexcept with gil:
+    """Run Python's handlers of the signals that came during a call of C: that of Ctrl-C raises KeyboardInterrupt."""
+    return PyErr_CheckSignals()  # 0 or -1, which petsc4py takes for a Python exception
+
+
+def interruptible():
+    """Let signals end solves. On several ranks they could not all see one: there the launcher ends them all."""
+    CHKERR(LatinSetInterrupt(check_signals))
+
+
 def option_used(name):
     """Return whether PETSc has read an option of its database."""
     cdef PetscBool used = 0

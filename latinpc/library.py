@@ -26,3 +26,5 @@ def _check_petsc():
 
 _check_petsc()
 _latin.initialize_package()
+if PETSc.COMM_WORLD.size == 1:
+    _latin.interruptible()

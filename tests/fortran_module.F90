@@ -5,7 +5,14 @@ module laws
 #include <petsc/finclude/petscsys.h>
   use petscsys
   implicit none
+  integer :: questions = 0
 contains
+  ! whether the program ends a solve
+  function interrupted() bind(C)
+    integer(c_int) :: interrupted
+    questions = questions + 1
+    interrupted = 0
+  end function
   ! a cable that bears twice as much, as a law of the user
   function tension(k, x, ctx) bind(C)
     PetscReal, value :: k, x
@@ -119,7 +126,10 @@ program fortran_module
   PetscCallA(LatinGetDirection(method, direction, work, ierr))
   call check(direction == LATIN_DIRECTION_SCHUR .and. work == 0, "search direction by default")
   PetscCallA(SNESSetFromOptions(solver, ierr))
+  PetscCallA(LatinSetInterrupt(c_funloc(interrupted), ierr))
   PetscCallA(SNESSolve(solver, PETSC_NULL_VEC, PETSC_NULL_VEC, ierr))
+  call check(questions > 0, "a function that may end a solve")
+  PetscCallA(LatinSetInterrupt(c_null_funptr, ierr))
   PetscCallA(SNESGetSolution(solver, u, ierr))
   PetscCallA(LatinStructureGetDisplacements(structure, u, displacement, ierr))
   PetscCallA(LatinStructureGetTensions(structure, u, tensions, ierr))

@@ -102,6 +102,7 @@ def _run(comm, ours, petsc):
             click.echo("A word after a PETSc option is its value: put SCENE before the options.", err=True)
         return BAD_INPUT
     except (click.Abort, KeyboardInterrupt):
+        print("\nlatinpc: interrupted", file=sys.stderr)
         return 130
     except Interrupted as error:
         print(f"latinpc: {error}", file=sys.stderr)

@@ -147,7 +147,11 @@ typedef struct {
   PetscReal   stage_seconds;                   /* mean time of a linear stage */
 } LatinCost;
 
+/* Function that may end a solve by the error it returns */
+typedef PetscErrorCode LatinInterruptFn(void);
+
 PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
+PETSC_EXTERN PetscErrorCode LatinSetInterrupt(LatinInterruptFn *check);
 
 /* ---- laws ---- */
 PETSC_EXTERN PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *, PetscInt *law);

@@ -216,6 +216,7 @@ PetscErrorCode LatinFactorTry_Private(KSP ksp, Mat A, LatinFactorStatus *status)
   Mat         factor = NULL;
 
   PetscFunctionBegin;
+  PetscCall(LatinInterrupt_Private());
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, ""));

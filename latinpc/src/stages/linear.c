@@ -334,6 +334,7 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   PetscLogDouble start, end;
 
   PetscFunctionBegin;
+  PetscCall(LatinInterrupt_Private());
   PetscCall(PetscTime(&start));
   linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));

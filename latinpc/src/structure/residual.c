@@ -40,6 +40,7 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
   PetscReal *tension;
 
   PetscFunctionBegin;
+  PetscCall(LatinInterrupt_Private());
   if (structure->span) {
     PetscCall(LatinTurningResidual_Private(structure, rigid, u, r));
     PetscFunctionReturn(0);

@@ -10,6 +10,7 @@
 #include "base/collective.h"
 #include "base/compat.h"
 #include "base/dense.h"
+#include "base/interrupt.h"
 #include "base/latinbase.h"
 #include "base/rankfailure.h"
 #include "structure/laws.h"
