@@ -16,6 +16,13 @@ cdef extern from *:
     PetscErrorCode PetscFree(void *)
     PetscErrorCode PetscOptionsUsed(void *, const char[], PetscBool *)
 
+cdef extern from *:
+    """
+    /* petsc4py's code of a Python exception, a name in later versions of PETSc alone */
+    #define LATIN_ERR_PYTHON ((PetscErrorCode)(PETSC_ERR_MAX_VALUE > 101 ? 101 : -1))
+    """
+    PetscErrorCode LATIN_ERR_PYTHON
+
 cdef extern from "Python.h":
     int PyErr_CheckSignals()  # the exception stays pending, for petsc4py to raise
 

@@ -88,7 +88,7 @@ def initialize_package():
 
 cdef PetscErrorCode check_signals() noexcept with gil:
     """Run Python's handlers of the signals that came during a call of C: that of Ctrl-C raises KeyboardInterrupt."""
-    return PyErr_CheckSignals()  # 0 or -1, which petsc4py takes for a Python exception
+    return LATIN_ERR_PYTHON if PyErr_CheckSignals() else 0
 
 
 def interruptible():
