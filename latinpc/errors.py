@@ -41,8 +41,15 @@ def error_message(error: BaseException) -> str:
     Returns
     -------
     str
+
+    Raises
+    ------
+    BaseException
+        What a callback or Ctrl-C has raised: later versions of petsc4py raise an error of PETSc's from it.
     """
     if isinstance(error, PETSc.Error):
+        if error.__cause__ is not None:
+            raise error.__cause__
         for line in reversed(str(error).splitlines()[1:]):
             said = re.sub(r"^\[ *\d+\] ", "", line)
             if not re.search(r"\w\(\) (at|line) ", said):

@@ -22,7 +22,7 @@ SCENES = {
 
 
 class Stop(Exception):
-    pass
+    """What the handler of a signal raises."""
 
 
 def stop(*_):
@@ -59,19 +59,31 @@ def test_a_signal_at_any_time_ends_a_solve_and_changes_no_later_one(name, alarm)
     assert ended >= 4
 
 
-def test_a_function_in_c_is_called_while_a_solve_lasts():
-    """Without it the signal waits for the end of the solve."""
-    code = (
-        "import signal, sys, time, latinpc\n"
-        "structure = latinpc.Structure.from_scene(latinpc.scenes.make('net', side=100))\n"
-        "print('ready', flush=True)\n"
-        "try:\n"
-        "    structure.solve()\n"
-        "except KeyboardInterrupt:\n"
-        "    print('interrupted')\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "ready\n"
-        time.sleep(0.5)
+@pytest.mark.parametrize("program", ["solve", "motion"])
+def test_ctrl_c_ends_a_command_at_once(program):
+    scene = {"solve": ("net", "--side", "250"), "motion": ("impact-grid", "--num-steps", "100000")}[program]
+    command = [sys.executable, "-m", "latinpc", "solve", *scene]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(4.0)  # imports take one second, the command more than ten
         process.send_signal(signal.SIGINT)
-        assert process.stdout.read() == "interrupted\n"
+        start = time.perf_counter()
+        _, said = process.communicate()
+    assert process.returncode == 130 and said.endswith("latinpc: interrupted\n")
+    assert time.perf_counter() - start < 5.0
+
+
+def test_ctrl_c_ends_a_solver_of_petsc4py():
+    """It is the cause of an error of PETSc's in later versions of petsc4py."""
+    structure = latinpc.Structure.from_scene(latinpc.scenes.make("net", side=40), comm=PETSc.COMM_SELF)
+    snes, u = structure.create_snes(), structure.create_vec()
+    snes.setFromOptions()
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        with pytest.raises((Stop, PETSc.Error)) as raised:
+            snes.solve(None, u)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert Stop in (raised.type, type(raised.value.__cause__))
+    snes.destroy()

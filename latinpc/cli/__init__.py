@@ -81,6 +81,11 @@ def _two_dashes(command, given):
     return f"; with two dashes there is {', '.join(f'--{name}' for name in meant)}" if meant else ""
 
 
+def _interrupted():
+    print("\nlatinpc: interrupted", file=sys.stderr)
+    return 130
+
+
 def _run(comm, ours, petsc):
     try:
         given = insert_petsc_options(petsc)
@@ -102,12 +107,15 @@ def _run(comm, ours, petsc):
             click.echo("A word after a PETSc option is its value: put SCENE before the options.", err=True)
         return BAD_INPUT
     except (click.Abort, KeyboardInterrupt):
-        print("\nlatinpc: interrupted", file=sys.stderr)
-        return 130
+        return _interrupted()
     except Interrupted as error:
         print(f"latinpc: {error}", file=sys.stderr)
         return error.code
     except Exception as error:
+        if isinstance(
+            error.__cause__, KeyboardInterrupt
+        ):  # later versions of petsc4py raise an error of PETSc's from it
+            return _interrupted()
         expected = isinstance(error, (ValueError, OSError, RuntimeError, MemoryError, PETSc.Error))
         text = sentence(error)
         print(f"latinpc: {text}" if expected else traceback.format_exc(), file=sys.stderr)
