@@ -1,4 +1,5 @@
 #include "snes/sneslatinimpl.h"
+#include <petscdmshell.h>
 
 /*
    SNES latin: set-up and solve. The course of a solve (SNESLatinSolve_Private):
@@ -13,7 +14,16 @@
    The equations are in stages/ and coarse/ (docs/developers.md).
 */
 
-#define LATIN_HISTORY 1000000 /* most linear stages in the history of indicator and errors: 32 MB */
+#define LATIN_HISTORY      1000000 /* most linear stages in the history of indicator and errors: 32 MB */
+#define LATIN_NO_STRUCTURE "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))"
+
+/* SNESSolve() without a solution vector needs one of the DM, before SNESSetUp(); here that of a SNES without a structure */
+static PetscErrorCode LatinNoStructure_DM(DM dm, Vec *u)
+{
+  (void)u;
+  PetscFunctionBegin;
+  SETERRQ(PetscObjectComm((PetscObject)dm), PETSC_ERR_ORDER, LATIN_NO_STRUCTURE);
+}
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
@@ -23,8 +33,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscFunctionBegin;
   snes->reason = SNES_CONVERGED_ITERATING; /* after an error no reason of an earlier solve remains */
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
-  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
-             "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, LATIN_NO_STRUCTURE);
   PetscCall(SNESLatinFollowDM_Private(snes, structure));
   PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
@@ -373,8 +382,13 @@ M*/
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
 {
   SNES_Latin *data;
+  DM          dm = snes->dm;
 
   PetscFunctionBegin;
+  if (!dm) {
+    PetscCall(SNESGetDM(snes, &dm));
+    PetscCall(DMShellSetCreateGlobalVector(dm, LatinNoStructure_DM));
+  }
   PetscCall(PetscNew(&data));
   snes->data                = (void *)data;
   snes->ops->setup          = SNESSetUp_Latin_Watched;
