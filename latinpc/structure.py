@@ -432,7 +432,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         Raises
         ------
         ValueError
-            For an unknown preset or a misspelt option of ours; the message names the nearest one.
+            For an argument out of its range, an unknown preset or a misspelt option, with the nearest name.
         latinpc.SolveError
             For a structure that cannot be solved, such as one with a mechanism; with `raise_on_failure` when the
             solve has not converged, with its result as `result`.

@@ -437,7 +437,7 @@ def test_a_node_without_links_is_one_sentence():
 def test_arguments_of_solve_are_named_with_their_options():
     structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]])
     for name, wrong in (("error", 0), ("error", "small"), ("largest_unbalance", -1.0)):
-        with pytest.raises(latinpc.SolveError, match=rf"^{name} \(-snes_latin_{name}\) is "):
+        with pytest.raises(ValueError, match=rf"^{name} \(-snes_latin_{name}\) is "):
             structure.solve(**{name: wrong})
     with pytest.raises(latinpc.SolveError, match="^-snes_latin_error is "):
         structure.solve(options={"snes_latin_error": 0})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -79,7 +78,9 @@ def solve(
             text = structure.counted_as_given(errors.error_message(reported))
             text = "; ".join([text, *structure.notices] if reported.ierr == errors.MAT_CH_ZRPVT else [text])
             for option in asked:  # is an argument of this function
-                text = re.sub(rf"^-{option}\b", f"{option.removeprefix('snes_latin_')} (-{option})", text)
+                if text.startswith(f"-{option} "):
+                    name = option.removeprefix("snes_latin_")
+                    raise ValueError(f"{name} (-{option}){text.removeprefix(f'-{option}')}") from None
             raise SolveError(text, reported.ierr) from None
         finally:
             snes.destroy()
