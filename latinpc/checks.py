@@ -10,7 +10,7 @@ import numpy as np
 from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "COPIED", "INSTEAD", "Checks", "checked", "checked_name", "checked_shapes"]
+__all__ = ["ARRAYS", "INSTEAD", "Checks", "check_assigned", "check_scene", "checked", "checked_name", "checked_shapes"]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
@@ -18,8 +18,28 @@ ARRAYS = (
     "subdomain", "direction", "friction", "mass", "area", "strength",
 )  # fmt: skip
 COPIED = ARRAYS[:-2]  #: those of which the library has a copy
+KEPT = ("name", "comm", "notices")  #: other attributes of a structure
 INSTEAD = ("EA", "prestress")  #: in place of stiffness and initial_elongation
 _LINKS_AT_ONCE = 8192  # their vectors in 3D take 200 kB
+
+
+def check_assigned(kind: type, name: str) -> None:
+    """Refuse to assign what solvers would not see, and unknown attributes, which nothing reads."""
+    setter = hasattr(kind, f"set_{name}")
+    if name in COPIED or setter:
+        other = f"call set_{name}()" if setter else "make another structure"
+        raise AttributeError(f"the {name} of a structure cannot be assigned, its solvers would not see it: {other}")
+    if not name.startswith("_") and name not in (*ARRAYS, *KEPT) and not hasattr(kind, name):
+        raise AttributeError(f"a structure has no attribute {name!r}: its arrays are {', '.join(ARRAYS)}")
+
+
+def check_scene(scene: Any) -> None:
+    """Refuse what is no scene, such as the name of one."""
+    if not hasattr(scene, "metadata"):
+        raise TypeError(
+            "scene must be a latinpc.scenes.Scene, as latinpc.scenes.make(name) and latinpc.read(path) return,"
+            f" not {scene!r:.40}"
+        )
 
 
 def checked_name(name: Any) -> None:

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, communicator, index_set, native
-from latinpc.checks import ARRAYS, COPIED, INSTEAD, Checks, checked
+from latinpc.checks import ARRAYS, INSTEAD, Checks, check_assigned, check_scene, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.library import _latin
@@ -199,6 +199,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         -------
         Structure
         """
+        check_scene(scene)
         given = {name: getattr(scene, name) for name in ("name", *ARRAYS)}
         given["law"] = registered(scene)
         structure = cls.__new__(cls)
@@ -261,9 +262,7 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse what the library would not see: it has the arrays of the structure."""
-        if name in COPIED:
-            other = f"call set_{name}()" if hasattr(type(self), f"set_{name}") else "make another structure"
-            raise AttributeError(f"the {name} of a structure cannot be assigned, its solvers would not see it: {other}")
+        check_assigned(type(self), name)
         object.__setattr__(self, name, value)
 
     def __reduce_ex__(self, protocol: Any) -> Any:

@@ -376,6 +376,24 @@ def test_arrays_are_not_assigned(name, cure):
     structure.set_load(2 * structure.load)
 
 
+def test_unknown_attributes_are_not_assigned():
+    """A misspelt name had been kept, and the structure solved with what it had."""
+    structure = frame()
+    with pytest.raises(AttributeError, match=r"a structure has no attribute 'loads': its arrays are nodes, .*, load, "):
+        structure.loads = 2 * structure.load
+    with pytest.raises(AttributeError, match=r"the geometry of a structure cannot be assigned, .* call set_geometry"):
+        structure.geometry = "large"
+    structure.name = "two squares"
+
+
+@pytest.mark.parametrize("scene", ["lattice", {"nodes": NODES}, frame])
+def test_a_structure_is_made_of_a_scene(scene):
+    with pytest.raises(
+        TypeError, match=r"^scene must be a latinpc.scenes.Scene, as latinpc.scenes.make\(name\) .* not "
+    ):
+        latinpc.Structure.from_scene(scene)
+
+
 def test_a_structure_has_cases_as_its_scene_has():
     """And stays as it is, with the load that it has been given last."""
     given = dict(nodes=[[0.0], [1.0], [3.0]], links=[[0, 1], [1, 2]], stiffness=[2.0, 3.0], fixed=[[1], [0], [1]])
