@@ -276,6 +276,7 @@ BAD = [
     ("[loads.top]", "[loads.top]\nbox = [[5.0, 5.0], [0.0, 0.0]]", ["lower one"]),
     ("[laws.bars]", "dim = 1\n[laws.bars]", ["dim = 1", "coordinate y varies"]),
     ("[laws.bars]", "laws.bars", ["not a TOML file"]),
+    ("force = [1.0, -2.0]", "force = [1.0, \u22122.0]", ["not a TOML file", "(at line", "(with U+2212, minus sign)"]),
     ("30 3 4 0", "30 0 0 0", ["zero length", "frame.msh", "Coherence"]),
     ("4 1 2 3 1 10 30", "4 2 2 3 1 10 20 30", ["'triangle'", "two-node 'line'"]),
     ("4 1 2 3 1 10 30", "4 8 2 3 1 10 20 30", ["'line3'", "ElementOrder = 1"]),

@@ -15,6 +15,7 @@ from latinpc.scenes.scene import Law, Scene
 
 BAD = [
     ("csv", "middle,4,0,,-1000", "middle,4,zero,,-1000", ["nodes.csv, line 4", "y is 'zero'", "a finite number"]),
+    ("csv", "middle,4,0,,-1000", "middle,4,0,,\u22121000", ["'\u22121000' (with U+2212, minus sign); expected a"]),
     ("csv", "middle,4,0,,-1000", "middle,4,0,-1000", ["nodes.csv, line 4", "4 cells", "5, as in the head on line 1"]),
     ("csv", "middle,4,0,,-1000", "left,4,0,,-1000", ["nodes.csv, line 4", "'left' is there already, on line 2"]),
     ("csv", "node,x,y,fix,Fy", "node,x,y,fixed,Fy", ["nodes.csv, line 1", "unknown column 'fixed'", "'fix'"]),

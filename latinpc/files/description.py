@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from numbers import Real
@@ -12,7 +13,7 @@ from numbers import Real
 import numpy as np
 
 from .selection import AXES, select
-from .text import nearest, read_text
+from .text import lookalike, nearest, read_text
 
 LAW_KEYS = (
     "law", "EA", "stiffness", "initial_elongation", "strain", "prestress", "gap", "coefficient", "normal", "table",
@@ -36,7 +37,9 @@ def read_description(description):
     try:
         settings = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
-        raise ValueError(f"{description}: not a TOML file: {error}") from None
+        at = re.search(r"at line (\d+)", str(error))
+        line = text.split("\n")[int(at[1]) - 1] if at else ""
+        raise ValueError(f"{description}: not a TOML file: {error}{lookalike(line)}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
     check_keys(settings, TOP_KEYS, tables | {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}, f"{description}: ", "")
     return settings

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import difflib
+import re
 import sys
+import unicodedata
+
+LOOKALIKE = re.compile("[\u00a0\u2000-\u2015\u202f\u2060\u2212\ufeff]")  # minus, hyphens and spaces that ASCII has not
 
 
 def wrong(path, row, what, expected):
     """Raise a ValueError that names a file, its line (None: the whole), what is there, and what was expected."""
     place = f"{path}: " if row is None else f"{path}, line {row}: "
-    raise ValueError(f"{place}{what}; expected {expected}")
+    raise ValueError(f"{place}{what}{lookalike(what)}; expected {expected}")
+
+
+def lookalike(text):
+    """Return the name of a character that looks like a minus, a hyphen or a space and is none, for messages."""
+    found = LOOKALIKE.search(text)
+    return f" (with U+{ord(found[0]):04X}, {unicodedata.name(found[0]).lower()})" if found else ""
 
 
 def nearest(word, known, cutoff=0.5):
