@@ -18,11 +18,10 @@ MOVES = 0.05  # of the largest displacement: less is not seen
 SMALL = 0.4  # of the structure: a part that is smaller fills the picture,
 ROOM = 0.1  # with the links around it: of the part, how far from it they begin
 NAMED = 8
-REASON = "no link resists the motion drawn, of any size"
 
 
 def motion_figure(
-    scene, motion, *, loose=None, numbers=None, figure=None, load=None, word="MECHANISM", reason=REASON
+    scene, motion, *, loose=None, numbers=None, figure=None, load=None, word="MECHANISM", reason=None
 ):  # fmt: skip
     """Draw a motion (`latinpc.results.mechanism.free_motion`), with a stamp.
 
@@ -39,7 +38,7 @@ def motion_figure(
     load : (n, dim) array, optional
         In N, that of the scene when not given.
     word, reason : str
-        The stamp, and why.
+        The stamp, and why; by default with the nodes that move.
 
     Returns
     -------
@@ -67,9 +66,11 @@ def motion_figure(
     if part is not scene:
         _draw_whole(sketch.figure, nodes[scene.links], moves)
     sketch.title(counted(len(part.nodes), "node"))
-    far = moving(motion)
-    named = scene.node_names(sorted(far[:NAMED]), len(far) > NAMED)
-    stamp(sketch.figure, word, f"{reason}; nodes that move: {named}")
+    if reason is None:
+        far = moving(motion)
+        named = scene.node_names(sorted(far[:NAMED]), len(far) > NAMED)
+        reason = f"no link resists the motion drawn, of any size; nodes that move: {named}"
+    stamp(sketch.figure, word, reason)
     return sketch.figure
 
 

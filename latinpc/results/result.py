@@ -212,7 +212,9 @@ class Result(Reported):
         from .pictures import structure_figure
 
         if self.free_motion is not None:
-            reason = "no equilibrium: no link that is taut resists the motion drawn"
+            # of the nodes of a collapse, the notice names those that it is proved of
+            proved = next((text for text in self.notices if text.startswith("no equilibrium")), None)
+            reason = proved or "no equilibrium: no link that is taut resists the motion drawn"
             how = {"loose": self.slack, "figure": figure, "load": self.load, "word": "COLLAPSE", "reason": reason}
             return motion_figure(self.structure, self.free_motion, numbers=numbers or None, **how)
         how = {} if self.converged else {"word": "NOT CONVERGED", "reason": self.reason}
