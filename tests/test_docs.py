@@ -49,6 +49,14 @@ def test_manual_pages_list_arguments():
         assert set(listed) <= set(names), (name, set(listed) - set(names))
 
 
+def test_manual_pages_lead_to_others():
+    functions = c_pages.public_functions()
+    known = functions.keys() | c_pages.solver_types().keys()
+    for name, (_, text) in functions.items():
+        others = re.findall(r"`(\w*Latin\w*(?=\(\))|\w+LATIN)", text.partition("\n.seealso: ")[2])
+        assert others and name not in others and set(others) <= known, (name, others)
+
+
 def test_manual_pages_become_markdown():
     functions = c_pages.public_functions()
     text = c_pages.markdown("LatinSetDirection", *functions["LatinSetDirection"], functions)

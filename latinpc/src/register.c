@@ -48,6 +48,8 @@ static PetscErrorCode LatinRegisterTypes(void)
 
   Note:
   `LatinStructureCreate()` and `LatinLawRegister()` do the same.
+
+.seealso: `SNESLATIN`, `KSPLATIN`, `PCLATIN`, `TSLATIN`
 @*/
 PetscErrorCode LatinInitializePackage(void)
 {

@@ -19,6 +19,8 @@
   Additions and multiplications count as one operation each. Operations and bytes are sums over the factors of all subdomains; equal
   subdomains on a rank share a factor. They are 0 with local solvers other than the default. A linear stage reads the factors twice. Seconds
   are those of the slowest rank.
+
+.seealso: `LatinGetStatistics()`
 @*/
 PetscErrorCode LatinGetCost(Latin latin, LatinCost *cost)
 {

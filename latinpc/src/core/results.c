@@ -29,6 +29,8 @@ PetscErrorCode LatinCheckSetUp_Private(Latin latin)
   A macro, which passes the size of the caller's struct: programs compiled before members were added stay valid.
 
   Level: intermediate
+
+.seealso: `LatinGetCost()`, `LatinGetSubdomains()`
 @*/
 PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistics *statistics)
 {
@@ -83,6 +85,8 @@ PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistic
 - first   - global number of the first of them, or NULL
 
   Level: intermediate
+
+.seealso: `LatinSetSubdomains()`, `LatinGetSubdomainIS()`, `LatinGetSubdomainOfLinks()`
 @*/
 PetscErrorCode LatinGetSubdomains(Latin latin, PetscInt *n_local, PetscInt *first)
 {
@@ -115,6 +119,8 @@ static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
 . is - on PETSC_COMM_SELF
 
   Level: intermediate
+
+.seealso: `LatinGetSubdomains()`, `LatinGetSubdomainOfLinks()`
 @*/
 PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 {
@@ -146,6 +152,8 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 . subdomain - [links_local] global numbers
 
   Level: intermediate
+
+.seealso: `LatinSetPartition()`, `LatinGetSubdomains()`, `LatinGetNodeClasses()`
 @*/
 PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 {
@@ -171,6 +179,8 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 . node_class - [nodes_local], or [local rows] of a matrix
 
   Level: intermediate
+
+.seealso: `LatinGetSubdomainOfLinks()`, `LatinSetVariant()`
 @*/
 PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 {
@@ -198,6 +208,8 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 
   Note:
   Symmetric and positive semidefinite. The kernel contains the rigid motions and the mechanisms of a floating subdomain.
+
+.seealso: `LatinSetModes()`, `LatinGetCoarseKSP()`
 @*/
 PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 {
@@ -232,6 +244,8 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 
   Note:
   If the method needs only its factor, the matrix has no values until this call computes them; call it after each set-up.
+
+.seealso: `LatinGetCoarseKSP()`
 @*/
 PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 {
@@ -262,6 +276,8 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 
   Note:
   With the parallel multifrontal solver of SNES latin (latintree) the matrix has no values: it has a size, but no product.
+
+.seealso: `LatinGetLocalKSP()`, `SNESLatinGetOuter()`, `KSPLatinGetOuter()`
 @*/
 PetscErrorCode LatinGetCoarseKSP(Latin latin, KSP *ksp)
 {

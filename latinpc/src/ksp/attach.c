@@ -15,6 +15,8 @@
 
   Note:
   Call it before or after `KSPSetType()` and `KSPSetFromOptions()`. Types other than latin ignore it.
+
+.seealso: `LatinStructureAttachSNES()`, `LatinStructureAttachPC()`, `LatinStructureAttachTS()`
 @*/
 PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 {
@@ -43,6 +45,8 @@ PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 . latin - the decomposition
 
   Level: intermediate
+
+.seealso: `SNESLatinGetLatin()`, `PCLatinGetLatin()`
 @*/
 PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
 {
@@ -70,6 +74,8 @@ PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
   Note:
   After `KSPSetUp()` its operator is that of ksp/interfaceoperator.c, in variables whose Euclidean norm is the energy norm of the
   search direction.
+
+.seealso: `LatinGetLocalKSP()`, `LatinGetCoarseKSP()`
 @*/
 PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
 {

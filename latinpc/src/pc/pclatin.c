@@ -346,6 +346,8 @@ PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
 
   Note:
   Call it before or after `PCSetType()` and `PCSetFromOptions()`. Types other than latin ignore it.
+
+.seealso: `LatinStructureAttachKSP()`, `LatinStructureAttachSNES()`, `PCShellSetLatin()`
 @*/
 PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 {
@@ -371,6 +373,8 @@ PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 . latin - the decomposition
 
   Level: intermediate
+
+.seealso: `SNESLatinGetLatin()`, `KSPLatinGetLatin()`
 @*/
 PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 {

@@ -79,6 +79,8 @@ static PetscErrorCode PCShellLatinView_Private(PC shell, PetscViewer viewer)
   Collective on pc
 
   Level: intermediate
+
+.seealso: `LatinStructureAttachPC()`, `PCLATIN`
 @*/
 PetscErrorCode PCShellSetLatin(PC pc)
 {

@@ -14,6 +14,8 @@
 . latin - the decomposition
 
   Level: intermediate
+
+.seealso: `KSPLatinGetLatin()`, `PCLatinGetLatin()`
 @*/
 PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
 {
@@ -36,6 +38,8 @@ PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
 - error_energy - relative energy error, NULL without reference
 
   Level: intermediate
+
+.seealso: `SNESLatinGetEstimates()`, `SNESLatinSetStop()`
 @*/
 PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[])
 {
@@ -275,6 +279,8 @@ PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[
 . outer - the inner SNES
 
   Level: advanced
+
+.seealso: `LatinGetLocalKSP()`, `LatinGetCoarseKSP()`
 @*/
 PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
 {

@@ -191,6 +191,8 @@ PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
   Note:
   Any SNES type then solves it: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`. A SNES without a DM of the
   structure gets a clone, so that settings of its DM do not affect other solvers of the structure.
+
+.seealso: `LatinStructureCreate()`, `LatinStructureAttachTS()`, `LatinStructureAttachKSP()`, `LatinStructureAttachPC()`
 @*/
 PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
 {

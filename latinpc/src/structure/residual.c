@@ -69,6 +69,8 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
   Note:
   Tensions of rigid links are not a function of the displacements: a structure with such links has no residual. Use
   `SNESComputeFunction()` of SNES latin, with the tensions of its last solve.
+
+.seealso: `LatinStructureComputeJacobian()`, `LatinStructureComputeEnergy()`
 @*/
 PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Vec r)
 {
@@ -147,6 +149,8 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 
   Note:
   Create J by `DMCreateMatrix()`: AIJ, or MATIS with -dm_mat_type is.
+
+.seealso: `LatinStructureComputeResidual()`, `LatinStructureComputeGeometricStiffness()`
 @*/
 PetscErrorCode LatinStructureComputeJacobian(LatinStructure structure, Vec u, Mat J)
 {
@@ -197,6 +201,8 @@ static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structu
 
   Note:
   Links of a rigid law have no strain energy.
+
+.seealso: `LatinStructureComputeResidual()`, `LatinStructureComputeKineticEnergy()`
 @*/
 PetscErrorCode LatinStructureComputeEnergy(LatinStructure structure, Vec u, PetscReal *energy)
 {

@@ -39,6 +39,8 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
 - energy - the same in the norm sqrt(sum of k e^2) of the elongations, all links counted as taut
 
   Level: intermediate
+
+.seealso: `SNESLatinSetReference()`, `LatinStructureComputeEnergy()`
 @*/
 PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
 {
@@ -67,6 +69,8 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
 
   Note:
   Tensions of rigid links are not a function of the displacements: `SNESLatinGetTensions()` returns those of a solve.
+
+.seealso: `SNESLatinGetTensions()`, `LatinStructureGetDisplacements()`
 @*/
 PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscReal tension[])
 {

@@ -325,6 +325,8 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   Note:
   Raises `PETSC_ERR_ARG_WRONGSTATE` on every rank for a node with a free displacement, without links and without mass. A node with
   a mass moves freely in a motion; solvers of statics refuse it.
+
+.seealso: `LatinStructureCreate()`, `LatinStructureSetLaws()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureAttachSNES()`
 @*/
 PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 {
@@ -348,6 +350,8 @@ PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 . dm - its DM
 
   Level: beginner
+
+.seealso: `LatinStructureSetUp()`, `LatinStructureAttachSNES()`
 @*/
 PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
 {
@@ -373,6 +377,8 @@ PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
 - free_dofs - displacement components of all ranks that are not prescribed, or NULL
 
   Level: beginner
+
+.seealso: `LatinStructureGetDM()`
 @*/
 PetscErrorCode LatinStructureGetSizes(LatinStructure structure, PetscInt *dim, PetscInt *nodes, PetscInt *nlinks, PetscInt *free_dofs)
 {

@@ -26,6 +26,8 @@ static PetscErrorCode LatinStructureView_Private(LatinStructure structure, Petsc
   Collective on structure
 
   Level: beginner
+
+.seealso: `LatinStructureCreate()`
 @*/
 PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
 {
@@ -144,6 +146,8 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   Notes:
   Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
   joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinStructureSetDirections()`.
+
+.seealso: `LatinStructureSetLaws()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureSetUp()`, `LatinStructureDestroy()`
 @*/
 PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
 {

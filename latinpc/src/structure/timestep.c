@@ -113,6 +113,8 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 . energy - over all ranks
 
   Level: intermediate
+
+.seealso: `LatinStructureComputeEnergy()`, `LatinStructureSetMass()`
 @*/
 PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec v, PetscReal *energy)
 {

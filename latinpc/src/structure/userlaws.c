@@ -92,6 +92,8 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 . name - its name, borrowed, or NULL
 
   Level: advanced
+
+.seealso: `LatinStructureSetLaws()`, `LatinLawRegisterTable()`, `LatinLawRegister()`
 @*/
 PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 {
@@ -240,6 +242,8 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
   Note:
   The first and the last segment extend beyond the points. A link of stiffness 0 has the tensions of the table; with
   another stiffness k they are scaled, so that the steepest slope is k.
+
+.seealso: `LatinLawRegister()`, `LatinStructureSetLaws()`
 @*/
 PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law)
 {

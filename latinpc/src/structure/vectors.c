@@ -235,6 +235,8 @@ static PetscErrorCode LatinStructureGetDisplacements_Private(LatinStructure stru
 . displacement - [nodes_local][dim] lengths
 
   Level: beginner
+
+.seealso: `LatinStructureSetDisplacements()`, `LatinStructureGetTensions()`
 @*/
 PetscErrorCode LatinStructureGetDisplacements(LatinStructure structure, Vec u, PetscReal displacement[])
 {
@@ -257,6 +259,8 @@ PetscErrorCode LatinStructureGetDisplacements(LatinStructure structure, Vec u, P
 . u - DM global vector, overwritten
 
   Level: intermediate
+
+.seealso: `LatinStructureGetDisplacements()`
 @*/
 PetscErrorCode LatinStructureSetDisplacements(LatinStructure structure, const PetscReal displacement[], Vec u)
 {
