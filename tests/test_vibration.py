@@ -478,7 +478,9 @@ def test_pictures_in_one_and_two_dimensions(tmp_path):
         found = latinpc.modes(s, 12)
         found.plot().savefig(tmp_path / "modes.png")
         found.animate(tmp_path / "mode.gif", 1)
-        assert len(found.plot(1).axes) == 1 and len(found.plot().axes) == min(len(found), 9)
+        figure = found.plot()
+        assert len(found.plot(1).axes) == 2 and len(figure.axes) == min(len(found), 9) + 1  # the key of the colours
+        assert {"does not move", "moves most"} <= {text.get_text() for text in figure.texts}
 
 
 if __name__ == "__main__":
