@@ -202,3 +202,42 @@ def test_communicator_of_the_structure():
         run.snes.setUp()
         assert run.snes.getComm().getSize() == 1
         assert latinpc.coarse_ksp(run.snes).getComm().getSize() == 1
+
+
+DIFFERENT = """
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=3), comm=PETSc.COMM_WORLD)
+rank = PETSc.COMM_WORLD.rank
+settings = {
+    "subdomains": lambda snes: latinpc.set_subdomains(snes, (2, 3)[rank]),
+    "partitioner": lambda snes: latinpc.set_partitioner(snes, ("metis", "parallel")[rank]),
+    "variant": lambda snes: latinpc.set_variant(snes, ("primal", "corner")[rank]),
+    "modes": lambda snes: latinpc.set_modes(snes, ("affine", "rigid")[rank]),
+    "modes_local": lambda snes: latinpc.set_modes(snes, "affine", (0.0, 0.1)[rank]),
+    "direction": lambda snes: latinpc.set_direction(snes, ("schur", "block")[rank]),
+    "direction_value": lambda snes: latinpc.set_direction(snes, "schur", (0.5, 2.0)[rank]),
+    "precision": lambda snes: latinpc.set_precision(snes, ("single", "double")[rank]),
+    "stop": lambda snes: latinpc.set_stop(snes, ("error", "indicator")[rank]),
+    "error": lambda snes: latinpc.set_error(snes, (1e-2, 1e-9)[rank]),
+    "newton": lambda snes: latinpc.set_newton(snes, ("auto", "never")[rank]),
+}
+for name, differ in settings.items():
+    snes = structure.create_snes()
+    snes.setSolution(structure.create_vec())
+    try:
+        differ(snes)
+        snes.solve(None, snes.getSolution())
+    except PETSc.Error as error:
+        said = latinpc.error_message(error)
+        assert f"Ranks differ in -snes_latin_{name}, " in said or "must be same on all processes" in said, said
+        print("refused")
+    snes.destroy()
+"""
+
+
+def test_settings_that_differ_between_ranks_are_refused(mpirun):
+    """Ranks had waited for each other without end."""
+    assert mpirun(2, DIFFERENT, leaks=False).stdout.count("refused") == 22

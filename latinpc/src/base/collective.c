@@ -34,6 +34,23 @@ PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
   PetscFunctionReturn(0);
 }
 
+/*
+   Checks that n settings are the same on all ranks, which would else deadlock in collective calls. prefix, name: of their options. Collective on comm
+*/
+PetscErrorCode LatinSame_Private(MPI_Comm comm, PetscInt n, const PetscReal value[], const char prefix[], const char *const name[])
+{
+  PetscReal most[2 * LATIN_SAME_MOST]; /* each value, and its negative */
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < n; i++) {
+    most[2 * i]     = value[i];
+    most[2 * i + 1] = -value[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, (PetscMPIInt)(2 * n), MPIU_REAL, MPIU_MAX, comm));
+  for (PetscInt i = 0; i < n; i++) PetscCheck(most[2 * i] == -most[2 * i + 1], comm, PETSC_ERR_ARG_INCOMP, "Ranks differ in -%s%s, or in what its function sets: give every rank the same", prefix, name[i]);
+  PetscFunctionReturn(0);
+}
+
 /* Checks that choice is a value, from 0 on, of an enumeration. names: its values, then its name and its prefix, then NULL. Logically collective on object */
 PetscErrorCode LatinCheckChoice_Private(PetscObject object, const char *const names[], int choice)
 {

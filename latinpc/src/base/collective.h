@@ -9,6 +9,8 @@
 PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscErrorCode mine, const char message[]);
 PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
 PETSC_INTERN PetscErrorCode LatinCheckChoice_Private(PetscObject, const char *const names[], int choice);
+#define LATIN_SAME_MOST 8 /* most settings of a check */
+PETSC_INTERN PetscErrorCode LatinSame_Private(MPI_Comm, PetscInt n, const PetscReal value[], const char prefix[], const char *const name[]);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
 PETSC_INTERN PetscErrorCode LatinSFFetch_Private(MPI_Comm, PetscInt roots, PetscInt leaves, const PetscInt number[], PetscSF *);

@@ -319,6 +319,18 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, LatinRebuild rebu
   PetscFunctionReturn(0);
 }
 
+/* Checks that the options of the method are the same on all ranks. Collective on latin */
+static PetscErrorCode LatinSameOptions_Private(Latin latin)
+{
+  const char *const names[LATIN_SAME_MOST] = {"subdomains", "partitioner", "variant", "modes", "modes_local", "direction", "direction_value", "precision"};
+  const PetscReal   values[LATIN_SAME_MOST] =
+    {(PetscReal)latin->partition.subdomains, (PetscReal)latin->partition.partitioner, (PetscReal)latin->variant, (PetscReal)latin->macro.type, latin->spectral.threshold, (PetscReal)latin->dir.type, latin->dir.value, (PetscReal)latin->precision};
+
+  PetscFunctionBegin;
+  PetscCall(LatinSame_Private(PetscObjectComm((PetscObject)latin), LATIN_SAME_MOST, values, LatinPrefix(&latin->sub), names));
+  PetscFunctionReturn(0);
+}
+
 /* Sets latin up, or rebuilds what changes since the last set-up require. Collective on latin */
 PetscErrorCode LatinSetUp_Private(Latin latin)
 {
@@ -328,6 +340,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
+  PetscCall(LatinSameOptions_Private(latin));
   if (structure) PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
   rebuild = LatinChanges(latin, state);
   if (rebuild == LATIN_REBUILD_NOTHING) PetscFunctionReturn(0);

@@ -56,6 +56,18 @@ static void SNESLatinChooseStop(SNES snes)
   if (data->requested == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
 }
 
+/* Checks that the options of a solve are the same on all ranks. Collective on snes */
+static PetscErrorCode SNESLatinSameOptions_Private(SNES snes)
+{
+  const SNES_Latin *data     = (SNES_Latin *)snes->data;
+  const char *const names[]  = {"stop", "error", "tension_error", "balance", "largest_unbalance", "warm_start", "newton"};
+  const PetscReal   values[] = {(PetscReal)data->requested, data->target, data->tension_target, data->balance, data->unbalance, (PetscReal)data->warm, (PetscReal)data->newton.type};
+
+  PetscFunctionBegin;
+  PetscCall(LatinSame_Private(PetscObjectComm((PetscObject)snes), PETSC_STATIC_ARRAY_LENGTH(values), values, LatinPrefix(&data->latin->sub), names));
+  PetscFunctionReturn(0);
+}
+
 /* Prepares a solve: checks options, allocates the history, resets counters. Collective on snes */
 static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 {
@@ -63,6 +75,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   Latin       latin = data->latin;
 
   PetscFunctionBegin;
+  PetscCall(SNESLatinSameOptions_Private(snes));
   PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
   SNESLatinChooseStop(snes);
