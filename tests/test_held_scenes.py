@@ -184,6 +184,20 @@ def test_a_self_stress_elsewhere_gives_no_hint(tension):
         square.solve()
 
 
+@pytest.mark.parametrize(("law", "cure"), [("cable", "take the geometry large"), ("bar", "Prescribe more displ")])
+def test_a_mechanism_of_cables_names_the_geometry(law, cure):
+    """A straight rope under its weight has no equilibrium as drawn; with large displacements it hangs."""
+    nodes, load = [[i, 0] for i in range(5)], [[0, -1]] * 5
+    links, fixed = [[i, i + 1] for i in range(4)], [[i in (0, 4)] * 2 for i in range(5)]
+    rope = latinpc.Structure(nodes, links, law, EA=1e4, fixed=fixed, load=load)
+    with pytest.raises(
+        latinpc.SolveError, match=rf"mechanism.*\. {'If its cables hang.*' if law == 'cable' else ''}{cure}"
+    ):
+        rope.solve()
+    rope.set_geometry("large")
+    assert rope.solve().converged
+
+
 @pytest.mark.parametrize("subdomains", [1, 4])
 @pytest.mark.parametrize("count", [3, 30])
 def test_a_row_that_prestress_buckles_is_no_mechanism(count, subdomains):

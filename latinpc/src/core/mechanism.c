@@ -43,17 +43,19 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
 
 /*
    Finds whether the geometric stiffness of the prestress would hold the mechanism. field: NULL on ranks without; largest: its largest displacement on
-   all ranks, 0 if there is no field: then *held if the prestress is tensile in the mean, a hint only. Collective on latin
+   all ranks, 0 if there is no field: then *held if the prestress is tensile in the mean, a hint only. *hangs: cables turn in the mechanism, which loads
+   may hold. Collective on latin
 */
-static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *held)
+static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *held, PetscBool *hangs)
 {
   const LatinSubdomains *sub     = &latin->sub;
   const PetscInt         dim     = sub->dim;
   const PetscBool        found   = (PetscBool)(largest > 0.0);
-  PetscReal              work[2] = {0.0, 0.0}; /* quadratic form of the geometric stiffness, or the sum of tension / length; its rounding */
+  PetscReal              work[3] = {0.0, 0.0, 0.0}; /* quadratic form of the geometric stiffness, or the sum of tension / length; its rounding; turning of cables */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscBool cable   = (PetscBool)(sub->law[l] == LATIN_LAW_CABLE || sub->law[l] == LATIN_LAW_INEXTENSIBLE);
     const LatinLaw *law     = &LatinLaws[sub->law[l]];
     const PetscReal tension = law->rigid ? 0.0 : law->tension(sub->stiffness[l], sub->e0[l], law->ctx);
     PetscReal       length = 0.0, e = found && field ? LatinElongation(sub, dim, l, field) : 0.0, across = found ? -e * e : 1.0;
@@ -65,12 +67,14 @@ static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal fi
       if (found && field) across += PetscSqr(field[b] - field[a]);
     }
     if (!(length > 0.0)) continue;
+    if (cable && found) work[2] += across;
     work[0] += tension / PetscSqrtReal(length) * across;
     /* links that do not move turn by the rounding of the field */
     work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  *held = (PetscBool)(work[0] > work[1]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  *held  = (PetscBool)(work[0] > work[1]);
+  *hangs = (PetscBool)(work[2] > PETSC_SQRT_MACHINE_EPSILON * PetscSqr(largest));
   PetscFunctionReturn(0);
 }
 
@@ -137,12 +141,12 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   const char          *what, *cure, *where = ". Nodes that move (counted from 0): ";
   char                 doubt[256] = "";
   PetscReal            least = 1.0, most = 1.0;
-  PetscBool            held = PETSC_FALSE, buckles = PETSC_FALSE;
+  PetscBool            held = PETSC_FALSE, hangs = PETSC_FALSE, buckles = PETSC_FALSE;
   LatinMoved           moved;
 
   PetscFunctionBegin;
   PetscCall(LatinMechanismNodes_Private(latin, field, &moved));
-  if (structure && !structure->original) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held));
+  if (structure && !structure->original) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held, &hangs));
   if (structure && structure->original) PetscCall(LatinMechanismDriven_Private(latin, field, moved.largest, &buckles));
   if (structure) PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
   if (!structure) {
@@ -154,7 +158,9 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     cure = "Change the prestress, prescribe more displacements, or add links";
   } else {
     what = "The structure has a mechanism: it can move without any link changing its length";
-    cure = held ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links" : "Prescribe more displacements or add links";
+    cure = held    ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
+           : hangs ? "If its cables hang and the loads are to hold it, take the geometry large (-snes_latin_geometry); else prescribe more displacements, or add links"
+                   : "Prescribe more displacements or add links";
     /* soft links may be lost in the rounding of stiff ones */
     if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
       PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
