@@ -44,6 +44,9 @@ class Law(IntEnum):
 #: Laws whose tension is no function of the elongation: their stiffness is a search parameter, 0: automatic.
 RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
 
+#: Words of other programs for a cable, whose letters are those of compression_only.
+PULLED = ("TENSION_ONLY", "NO_COMPRESSION")
+
 #: Laws of links that may carry nothing.
 UNILATERAL = (Law.CABLE, Law.COMPRESSION_ONLY, Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)
 
@@ -87,7 +90,7 @@ def _number(name: str) -> int:
         return Law[key]
     if key.isdecimal():  # numpy has made a text of a number beside names
         return int(key)
-    near = difflib.get_close_matches(key, Law.__members__, n=1, cutoff=0.5)
+    near = ["CABLE"] if key in PULLED else difflib.get_close_matches(key, Law.__members__, n=1)
     known = ", ".join(law.name.lower() for law in Law)
     meant = f"do you mean {near[0].lower()!r}? " if near else ""
     raise ValueError(f"unknown law {name!r}: {meant}choose from {known}")

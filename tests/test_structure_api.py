@@ -213,6 +213,8 @@ REFUSED = [
     ({"nodes": np.zeros((6, 4))}, "dim 1, 2 or 3"),
     ({"law": 10**6}, "unknown law"),
     ({"law": "cabel"}, "unknown law 'cabel': do you mean 'cable'. choose from bar, cable, compression_only"),
+    ({"law": "tension-only"}, "unknown law 'tension-only': do you mean 'cable'"),
+    ({"law": "tension"}, "unknown law 'tension': choose from bar, cable, "),
     ({"law": ["bar"] * 9 + ["xyz"]}, "unknown law 'xyz': choose from bar, cable, "),
     ({"law": [0, 1]}, r"law must have the shape \(10,\)"),
     ({"stiffness": 0}, "need a positive stiffness"),
