@@ -386,6 +386,10 @@ def test_unknown_attributes_are_not_assigned():
     with pytest.raises(AttributeError, match=r"the geometry of a structure cannot be assigned, .* call set_geometry"):
         structure.geometry = "large"
     structure.name = "two squares"
+    scene = latinpc.scenes.Scene.from_structure(structure)
+    with pytest.raises(AttributeError, match="a scene has no attribute 'loads': its arrays are nodes, .*, load, "):
+        scene.loads = 2 * scene.load
+    scene.load = 2 * scene.load
 
 
 @pytest.mark.parametrize("scene", ["lattice", {"nodes": NODES}, frame])

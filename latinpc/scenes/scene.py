@@ -120,6 +120,12 @@ class Scene(Geometry, Plots):
             raise ValueError(f"time_step is {self.time_step}; it is a positive time")
         known_geometry(self.geometry)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse unknown attributes, which nothing reads."""
+        if name not in self.__dataclass_fields__ and not hasattr(type(self), name):
+            raise AttributeError(f"a scene has no attribute {name!r}: its arrays are {', '.join(ARRAYS)}")
+        object.__setattr__(self, name, value)
+
     @classmethod
     def from_structure(cls, structure: Structure) -> Scene:
         """Take the arrays of a structure, as its loads now are; not collective.
