@@ -198,6 +198,21 @@ def test_a_mechanism_of_cables_names_the_geometry(law, cure):
     assert rope.solve().converged
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_plane_truss_in_space_names_the_axis(axis):
+    """Nothing holds it across its plane; where it is free within the plane as well, that is not all."""
+    plane = [c for c in range(3) if c != axis]
+    nodes, fixed, load = np.full((3, 3), 0.7), np.zeros((3, 3), bool), np.zeros((3, 3))
+    nodes[:, plane], fixed[:2], load[2, plane[0]] = [[0, 0], [1, 0], [0, 1]], True, 1.0
+    truss = {"nodes": nodes, "law": "bar", "EA": 1e5, "fixed": fixed, "load": load}
+    with pytest.raises(latinpc.SolveError, match=rf": 2\. It lies in a plane of constant {'xyz'[axis]}: prescribe"):
+        latinpc.Structure(links=[[0, 2], [1, 2]], **truss).solve()
+    with pytest.raises(latinpc.SolveError, match=r": 2\. Prescribe more displacements or add links$"):
+        latinpc.Structure(links=[[0, 2]], **truss).solve()
+    fixed[:, axis] = True
+    assert latinpc.Structure(links=[[0, 2], [1, 2]], **truss).solve().converged
+
+
 @pytest.mark.parametrize("subdomains", [1, 4])
 @pytest.mark.parametrize("count", [3, 30])
 def test_a_row_that_prestress_buckles_is_no_mechanism(count, subdomains):

@@ -101,6 +101,33 @@ static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal 
   PetscFunctionReturn(0);
 }
 
+/*
+   Finds the axis along which all nodes of a mechanism move, across the plane in which a structure in space lies; -1: there is none. field: NULL on ranks
+   without; largest: its largest displacement on all ranks. Collective on latin
+*/
+static PetscErrorCode LatinMechanismAcross_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscInt *axis)
+{
+  const LatinSubdomains *sub = &latin->sub;
+  PetscReal              most[3][3]; /* of each axis: largest displacement, coordinate, negative coordinate */
+
+  PetscFunctionBegin;
+  *axis = -1;
+  if (sub->dim != 3) PetscFunctionReturn(0);
+  for (PetscInt c = 0; c < 3; c++) {
+    most[c][0] = 0.0;
+    most[c][1] = most[c][2] = -PETSC_MAX_REAL;
+    for (PetscInt i = c; i < 3 * sub->copies; i += 3) {
+      if (field && !sub->fixed[i]) most[c][0] = PetscMax(most[c][0], PetscAbsReal(field[i]));
+      most[c][1] = PetscMax(most[c][1], sub->x[i]);
+      most[c][2] = PetscMax(most[c][2], -sub->x[i]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 9, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt c = 0; c < 3; c++)
+    if (most[c][0] > 0.0 && most[c][1] + most[c][2] == 0.0 && PetscMax(most[(c + 1) % 3][0], most[(c + 2) % 3][0]) <= PETSC_SQRT_MACHINE_EPSILON * largest) *axis = c;
+  PetscFunctionReturn(0);
+}
+
 /* Nodes that a mechanism moves most, as text */
 typedef struct {
   PetscInt  count;      /* number of those found on this rank */
@@ -139,7 +166,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
 {
   const LatinStructure structure = latin->sub.structure; /* NULL: of a matrix */
   const char          *what, *cure, *where = ". Nodes that move (counted from 0): ";
-  char                 doubt[256] = "";
+  char                 doubt[256] = "", across[128] = "";
+  PetscInt             axis  = -1;
   PetscReal            least = 1.0, most = 1.0;
   PetscBool            held = PETSC_FALSE, hangs = PETSC_FALSE, buckles = PETSC_FALSE;
   LatinMoved           moved;
@@ -147,6 +175,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   PetscFunctionBegin;
   PetscCall(LatinMechanismNodes_Private(latin, field, &moved));
   if (structure && !structure->original) PetscCall(LatinMechanismHeld_Private(latin, field, moved.largest, &held, &hangs));
+  if (structure) PetscCall(LatinMechanismAcross_Private(latin, field, moved.largest, &axis));
   if (structure && structure->original) PetscCall(LatinMechanismDriven_Private(latin, field, moved.largest, &buckles));
   if (structure) PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
   if (!structure) {
@@ -158,9 +187,11 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     cure = "Change the prestress, prescribe more displacements, or add links";
   } else {
     what = "The structure has a mechanism: it can move without any link changing its length";
-    cure = held    ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
-           : hangs ? "If its cables hang and the loads are to hold it, take the geometry large (-snes_latin_geometry); else prescribe more displacements, or add links"
-                   : "Prescribe more displacements or add links";
+    if (axis >= 0) PetscCall(PetscSNPrintf(across, sizeof(across), "It lies in a plane of constant %c: prescribe displacements along %c, or add links", "xyz"[axis], "xyz"[axis]));
+    cure = held        ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
+           : hangs     ? "If its cables hang and the loads are to hold it, take the geometry large (-snes_latin_geometry); else prescribe more displacements, or add links"
+           : axis >= 0 ? across
+                       : "Prescribe more displacements or add links";
     /* soft links may be lost in the rounding of stiff ones */
     if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
       PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
