@@ -346,6 +346,13 @@ def test_a_free_motion_changes_no_length():
     assert square().free_motion() is None
 
 
+def test_a_picture_is_written_by_its_figure():
+    """A path, in place of the figure to draw into, had ended in an AttributeError."""
+    for thing in (square(), square().solve()):
+        with pytest.raises(TypeError, match=r"not 'net\.png'; plot\(\)\.savefig\(path\) writes a picture"):
+            thing.plot("net.png")
+
+
 def test_mechanism_and_collapse_are_drawn_as_such():
     text = _written(square(diagonal=False).plot(mechanism=True))
     assert "MECHANISM" in text and "nodes that move: 2, 3" in text

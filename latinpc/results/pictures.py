@@ -208,6 +208,8 @@ class Sketch:
     """
 
     def __init__(self, scene, shape, seen, load, figure, beside):
+        if figure is not None and not hasattr(figure, "add_axes"):
+            raise TypeError(f"figure must be of matplotlib, not {figure!r:.40}; plot().savefig(path) writes a picture")
         self.scene, self.shape = scene, shape
         self.law, self.ends, self._seen = scene.law[seen], scene.links[seen], np.flatnonzero(seen)
         self._count = len(seen)
