@@ -229,6 +229,10 @@ def refuse(wrong, what, why, values):
 
 def slices_of(solver):
     """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
+    if not isinstance(solver, (PETSc.SNES, PETSc.KSP, PETSc.PC, PETSc.TS)):
+        raise TypeError(
+            f"expected a petsc4py solver, got {type(solver).__name__}; results of solve() are its attributes"
+        )
     places = [solver, solver.getDM()]
     if isinstance(solver, (PETSc.KSP, PETSc.PC)):
         matrix = solver.getOperators()[1]

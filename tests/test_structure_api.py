@@ -284,6 +284,8 @@ def test_a_name_is_a_string(name):
 
 
 def test_questions_about_links_need_links():
+    with pytest.raises(TypeError, match="expected a petsc4py solver, got Structure; results of solve"):
+        latinpc.tensions(frame())
     pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
     pc.setType("latin")
     pc.setDM(PETSc.DMShell().create(comm=PETSc.COMM_SELF))
