@@ -1,6 +1,7 @@
 """Check the arrays of the caller, and distribute them over the ranks."""
 
 import re
+import zlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,7 +12,7 @@ from latinpc.laws import Law
 
 __all__ = [
     "REAL", "Parts", "Slices", "Solver", "agreed", "alike", "block", "communicator", "index_set", "integers",
-    "native", "partition", "real", "refuse", "shaped", "slices_of",
+    "native", "partition", "real", "refuse", "same_arrays", "shaped", "slices_of",
 ]  # fmt: skip
 
 REAL = np.dtype(PETSc.RealType)
@@ -121,6 +122,13 @@ def alike(comm, **arguments):
     first, *others = (one.get(name, "not given") for one in said)
     rank, other = next((rank, text) for rank, text in enumerate(others, 1) if text != first)
     raise ValueError(f"ranks differ in {name}: {first} on rank 0, {other} on rank {rank}; give every rank the same")
+
+
+def same_arrays(comm, **arrays):
+    """Refuse arrays that are not the same on every rank, of which each would take its part; collective."""
+    if comm.size > 1:
+        known = {name: np.ascontiguousarray(values) for name, values in arrays.items() if values is not None}
+        alike(comm, **{name: f"shape {v.shape}, checksum {zlib.crc32(v.data):x}" for name, v in known.items()})
 
 
 def _words(value):

@@ -241,3 +241,32 @@ for name, differ in settings.items():
 def test_settings_that_differ_between_ranks_are_refused(mpirun):
     """Ranks had waited for each other without end."""
     assert mpirun(2, DIFFERENT, leaks=False).stdout.count("refused") == 22
+
+
+OTHER_ARRAYS = """
+import sys
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+rank = PETSc.COMM_WORLD.rank
+same = make("lattice", nx=8, ny=4)
+other = {name: make("lattice", nx=8, ny=4) for name in ("nodes", "load", "fixed")}
+other["nodes"].nodes += 1e-3 * np.random.default_rng(rank).random(same.nodes.shape)
+other["load"].load *= 1 + rank
+other["fixed"].fixed |= rank > 0
+other["links"] = make("lattice", nx=8 + rank, ny=4)
+for name, scene in other.items():
+    try:
+        latinpc.Structure.from_scene(scene)
+    except ValueError as error:
+        assert f"ranks differ in {'nodes' if name == 'links' else name}: 'shape (" in str(error), error
+        print("refused")
+assert latinpc.Structure.from_scene(same).solve().converged
+"""
+
+
+def test_arrays_that_differ_between_ranks_are_refused(mpirun):
+    """Such as random numbers without a seed: each rank had taken its part of what it had."""
+    assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 8
