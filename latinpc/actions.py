@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from petsc4py import PETSc
 
-from latinpc.arrays import REAL, native
+from latinpc.arrays import REAL, native, same_arrays
 from latinpc.library import _latin
 
 __all__ = ["Actions"]
@@ -18,6 +19,7 @@ class Actions:
     law: np.ndarray
     stiffness: np.ndarray
     fixed: np.ndarray
+    comm: PETSc.Comm
     _handle: _latin.StructureHandle
 
     def set_load(self, load: ArrayLike) -> None:
@@ -29,6 +31,7 @@ class Actions:
             The same on every rank (N).
         """
         load = np.array(self._checks.node_array("load", load))
+        self._alike(load=load)
         self._handle.set_loads(self._my_nodes(load))
         self._keep("load", load)
 
@@ -43,6 +46,7 @@ class Actions:
             The same on every rank (m), zero in directions that are not fixed.
         """
         prescribed = np.array(self._checks.supports(self.fixed, prescribed)[1])
+        self._alike(prescribed=prescribed)
         self._handle.set_prescribed(self._my_nodes(prescribed))
         self._keep("prescribed", prescribed)
 
@@ -55,6 +59,7 @@ class Actions:
             The same on every rank (m).
         """
         elongation = np.array(self._checks.initial_elongation(initial_elongation))
+        self._alike(initial_elongation=elongation)
         self._handle.set_initial_elongation(native(self._slices.mine(elongation)))
         self._keep("initial_elongation", elongation)
 
@@ -67,6 +72,7 @@ class Actions:
             The same on every rank (N); see `Structure`.
         """
         tension = self._checks.prestress(prestress, self.law)
+        self._alike(prestress=tension)
         self._handle.set_prestress(native(self._slices.mine(tension)))
         elongation = np.zeros(len(self.links), dtype=REAL)
         np.divide(tension, self.stiffness, out=elongation, where=tension != 0)
@@ -81,5 +87,10 @@ class Actions:
             Lumped masses (kg), not negative, the same on every rank.
         """
         mass = np.array(self._checks.mass(mass))
+        self._alike(mass=mass)
         self._handle.set_mass(self._my_nodes(mass))
         self._keep("mass", mass)
+
+    def _alike(self, **arrays):
+        """Refuse arrays that are not the same on every rank, of which each takes its part; collective."""
+        same_arrays(self.comm.tompi4py(), **arrays)

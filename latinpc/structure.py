@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc.actions import Actions
-from latinpc.arrays import REAL, Slices, communicator, index_set, native, same_arrays
+from latinpc.arrays import REAL, Slices, communicator, index_set, native
 from latinpc.checks import ARRAYS, INSTEAD, Checks, check_assigned, check_scene, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
@@ -246,7 +246,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     def _checked(self, given):
         """Check the arrays, and find out which of them are this rank's."""
         arrays = checked(given, _latin.law_names())
-        same_arrays(self.comm.tompi4py(), **arrays)
+        self._alike(**arrays)
         self._checks = Checks(arrays["nodes"].shape, len(arrays["links"]))
         self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
         return arrays

@@ -92,6 +92,9 @@ class LocalStructure(Structure):
         if name == "links":
             self._halo.follow(self.links)
 
+    def _alike(self, **arrays):
+        pass  # each rank has its own
+
     def _doubles(self):
         return []  # another rank may have the other one
 
