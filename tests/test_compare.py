@@ -292,6 +292,17 @@ def test_compare_on_two_ranks():
     assert not cholmod["converged"] and "one rank only" in cholmod["reason"]
 
 
+def test_tradeoff_of_large_displacements_takes_the_stop_of_latin():
+    """It had timed the iteration without Newton's method, which no solve with large displacements is."""
+    net = make("saddle", side=6)
+    with Bench(net) as bench:
+        bench.make_reference(1e-8)
+        points = bench.run(do="sweep", method="latin", options={}, repeat=1, accuracies=[1e-2, 1e-8])["points"]
+    own = [net.solve(error=accuracy).iterations for accuracy in (1e-2, 1e-8)]
+    assert [point["runs"][0]["iterations"] for point in points] == own
+    assert all(point["runs"][0]["error_l2"] <= point["accuracy"] for point in points)
+
+
 @pytest.mark.slow
 def test_tradeoff_command(tmp_path):
     files = ["--json", tmp_path / "t.json", "--picture", tmp_path / "t.png"]

@@ -78,6 +78,10 @@ def perform(task):
     if task["do"] == "calibrate":
         found = run.calibrate(task["method"], scene, task["accuracies"], reference, task.get("options"))
         return {"tolerances": found}
+    if task["do"] == "sweep" and scene.geometry == "large" and run.METHODS[task["method"]].kind == "latin":
+        runs = [(one, _repeated({**task, "accuracy": one}, scene, reference, None)) for one in task["accuracies"]]
+        points = [{"accuracy": one, "runs": found} for one, found in runs if all(each["converged"] for each in found)]
+        return {"points": points, "base_memory_bytes": base}  # a path of Newton's method has latin's own stop
     if task["do"] == "sweep":  # calibration and all the solves in one process
         found = run.calibrate(task["method"], scene, task["accuracies"], reference, task.get("options"))
         points, known = [], {None: []}
