@@ -112,9 +112,7 @@ def _run(comm, ours, petsc):
         print(f"latinpc: {error}", file=sys.stderr)
         return error.code
     except Exception as error:
-        if isinstance(
-            error.__cause__, KeyboardInterrupt
-        ):  # later versions of petsc4py raise an error of PETSc's from it
+        if isinstance(error.__cause__, KeyboardInterrupt):  # with later versions of petsc4py
             return _interrupted()
         expected = isinstance(error, (ValueError, OSError, RuntimeError, MemoryError, PETSc.Error))
         text = sentence(error)
