@@ -407,6 +407,7 @@ OTHERS = {
     "LATIN_HISTORY": ("linear stages", "Kept indicators and errors take 32 MB at most."),
     "LATIN_ESTIMATE_BITS": ("bits", "Eight for one of 256 rows, one for the sign: goes with `LATIN_ESTIMATE_ROWS`."),
     "LATIN_ESTIMATE_SHARE": ("entries", "Six times nine bits are 54 of the 63 that a random number has."),
+    "LATIN_SAME_MOST": ("settings", "The options of the method, which are checked in one reduction."),
     "LATIN_LISTED": ("nodes or links", "As many as an error message names."),
     # formats
     "LATIN_STATE_FORMAT": ("version", "Changes with the format of a state; files of other versions are refused."),
