@@ -178,9 +178,11 @@ static PetscErrorCode LatinNewtonClaims_Private(SNES snes, PetscInt it, PetscRea
 {
   const PetscBool penalty = (PetscBool)(newton->structure->penalty != NULL);
   const PetscBool fixed   = (PetscBool)(!seen->changes && !newton->changes && !seen->unexplained);
+  /* rounding alone is unbalanced after linear solves that have balanced the forces: often so in single precision */
+  const PetscBool stays = (PetscBool)(newton->error <= newton->target && fnorm > newton->balance && fnorm > LATIN_NEWTON_GAIN * newton->unbalance);
 
   PetscFunctionBegin;
-  seen->rounding = (PetscBool)(it > 1 && fixed && newton->error > LATIN_NEWTON_GAIN * seen->before && newton->left < LATIN_NEWTON_RTOL);
+  seen->rounding = (PetscBool)(it > 1 && fixed && (stays || (newton->error > LATIN_NEWTON_GAIN * seen->before && newton->left < LATIN_NEWTON_RTOL)));
   seen->claims   = (PetscBool)(it && seen->confirmed && newton->error <= newton->target && fnorm <= newton->balance);
   if (seen->changes && (!newton->tangent || penalty) && newton->error > LATIN_NEWTON_REST) seen->claims = PETSC_FALSE;
   if (penalty) {
@@ -234,6 +236,7 @@ PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xn
   else if (it >= most || newton->stages_left <= 0) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, seen.changes, (double)newton->error, (double)newton->target));
   PetscCall(LatinNewtonNext_Private(snes, it, ksp, seen.changes, newton, reason));
-  newton->size = PetscMax(newton->size, xnorm);
+  newton->size      = PetscMax(newton->size, xnorm);
+  newton->unbalance = fnorm;
   PetscFunctionReturn(0);
 }

@@ -56,6 +56,7 @@ typedef struct {
   PetscReal      target, residual;  /* where to stop: relative error of the displacements; residual norm */
   PetscReal      tension_target;    /* where to stop: relative error of the tensions */
   PetscReal      balance, loads;    /* largest residual norm with that error; norm of the loads */
+  PetscReal      unbalance;         /* residual norm after the last step */
   PetscReal      drive;             /* norm of the loads, or without loads of the tensions as drawn */
   PetscBool      energy;            /* error in the energy norm, else l2 */
   PetscReal      size;              /* l2 norm of the displacements */
