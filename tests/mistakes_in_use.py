@@ -330,10 +330,6 @@ CASES = {
         r"-snes_type latin has no structure .*attach\(snes\)",
         lambda: bare(PETSc.SNES, "latin").solve(None, foreign_vec()),
     ),
-    "snes_without_a_vector": (
-        r"-snes_type latin has no structure .*attach\(snes\)",
-        lambda: bare(PETSc.SNES, "latin").solve(None, None),
-    ),
     "pc_alone": (
         r"-pc_type latin has no structure .*LatinStructureAttachPC\(\) \(in Python, .*attach\(\)\)",
         pc_on_foreign_matrix,

@@ -1,5 +1,4 @@
 #include "snes/sneslatinimpl.h"
-#include <petscdmshell.h>
 
 /*
    SNES latin: set-up and solve. The course of a solve (SNESLatinSolve_Private):
@@ -14,16 +13,7 @@
    The equations are in stages/ and coarse/ (docs/developers.md).
 */
 
-#define LATIN_HISTORY      1000000 /* most linear stages in the history of indicator and errors: 32 MB */
-#define LATIN_NO_STRUCTURE "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))"
-
-/* SNESSolve() without a solution vector needs one of the DM, before SNESSetUp(); here that of a SNES without a structure */
-static PetscErrorCode LatinNoStructure_DM(DM dm, Vec *u)
-{
-  (void)u;
-  PetscFunctionBegin;
-  SETERRQ(PetscObjectComm((PetscObject)dm), PETSC_ERR_ORDER, LATIN_NO_STRUCTURE);
-}
+#define LATIN_HISTORY 1000000 /* most linear stages in the history of indicator and errors: 32 MB */
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
@@ -33,7 +23,8 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscFunctionBegin;
   snes->reason = SNES_CONVERGED_ITERATING; /* after an error no reason of an earlier solve remains */
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
-  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, LATIN_NO_STRUCTURE);
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
+             "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   PetscCall(SNESLatinFollowDM_Private(snes, structure));
   PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
@@ -395,13 +386,8 @@ M*/
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
 {
   SNES_Latin *data;
-  DM          dm = snes->dm;
 
   PetscFunctionBegin;
-  if (!dm) {
-    PetscCall(SNESGetDM(snes, &dm));
-    PetscCall(DMShellSetCreateGlobalVector(dm, LatinNoStructure_DM));
-  }
   PetscCall(PetscNew(&data));
   snes->data                = (void *)data;
   snes->ops->setup          = SNESSetUp_Latin_Watched;
