@@ -63,11 +63,17 @@ def test_a_signal_at_any_time_ends_a_solve_and_changes_no_later_one(name, alarm)
 def test_ctrl_c_ends_a_command_at_once(program, tmp_path):
     scene = {"solve": ("net", "--side", "250"), "motion": ("impact-grid", "--num-steps", "100000")}[program]
     command = [sys.executable, "-m", "latinpc", "solve", *scene]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # a shell may start the tests with Ctrl-C ignored, which they would inherit
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    with subprocess.Popen(command, cwd=tmp_path, **streams, **hears) as process:
         time.sleep(4.0)  # imports take one second, the command more than ten
         process.send_signal(signal.SIGINT)
         start = time.perf_counter()
-        _, said = process.communicate()
+        try:
+            _, said = process.communicate(timeout=60.0)
+        finally:
+            process.kill()
     assert process.returncode == 130 and said.endswith("latinpc: interrupted\n")
     assert time.perf_counter() - start < 5.0
 
