@@ -30,6 +30,12 @@ def of_library(error: PETSc.Error) -> LatinError:
     return LatinError(error.ierr, error_message(error), str(error))
 
 
+def raise_cause(error: BaseException) -> None:
+    """Raise what Ctrl-C or a callback has raised: later versions of petsc4py raise an error of PETSc's from it."""
+    if isinstance(error, PETSc.Error) and error.__cause__ is not None:
+        raise error.__cause__
+
+
 def error_message(error: BaseException) -> str:
     """Return the sentence of an error that PETSc reports, without its list of C functions; not collective.
 
@@ -45,11 +51,10 @@ def error_message(error: BaseException) -> str:
     Raises
     ------
     BaseException
-        What a callback or Ctrl-C has raised: later versions of petsc4py raise an error of PETSc's from it.
+        That of `raise_cause`.
     """
+    raise_cause(error)
     if isinstance(error, PETSc.Error):
-        if error.__cause__ is not None:
-            raise error.__cause__
         for line in reversed(str(error).splitlines()[1:]):
             said = re.sub(r"^\[ *\d+\] ", "", line)
             if not re.search(r"\w\(\) (at|line) ", said):

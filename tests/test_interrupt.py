@@ -78,6 +78,14 @@ def test_ctrl_c_ends_a_command_at_once(program, tmp_path):
     assert time.perf_counter() - start < 5.0
 
 
+def test_what_later_versions_of_petsc4py_wrap_is_raised():
+    with pytest.raises(Stop):
+        try:
+            raise PETSc.Error(101) from Stop()
+        except PETSc.Error as error:
+            latinpc.error_message(error)
+
+
 def test_ctrl_c_ends_a_solver_of_petsc4py():
     """It is the cause of an error of PETSc's in later versions of petsc4py."""
     structure = latinpc.Structure.from_scene(latinpc.scenes.make("net", side=40), comm=PETSc.COMM_SELF)

@@ -9,6 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import solvers
+from latinpc.errors import raise_cause
 from latinpc.laws import RIGID, Law
 
 from .mechanics import tensions_at
@@ -135,7 +136,8 @@ def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: boo
         mode = structure.displacements(v) - structure.prescribed
         size = np.linalg.norm(mode, axis=1).max(initial=0.0)
         return (mode / size if np.isfinite(size) and size > 0.0 else None), kind
-    except PETSc.Error:
+    except PETSc.Error as error:
+        raise_cause(error)
         return None, kind
     finally:
         for thing in (K, M, both, v, random):

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.arrays import Slices
+from latinpc.errors import raise_cause
 from latinpc.laws import UNILATERAL, Law
 from latinpc.library import _latin
 
@@ -48,7 +49,8 @@ def jammed(structure: Structure) -> tuple[int, list[int]]:
     try:
         snes.solve(None, u)
         return _latin.jammed_links(snes)
-    except PETSc.Error:  # then the cause stays unknown
+    except PETSc.Error as error:  # then the cause stays unknown
+        raise_cause(error)
         return 0, []
     finally:
         snes.destroy()
