@@ -220,6 +220,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   LatinStateHead           head      = {0};
   LatinState               state;
   PetscReal               *room = NULL;
+  PetscErrorCode           ierr;
   PetscInt                 ending;
   PetscMPIInt              ranks, rank;
 
@@ -256,8 +257,9 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateStructure_Private(&state, &head.structure));
   PetscCall(LatinStateItems_Private(&state));
   if (endings[ending]) PetscCall(LatinStateShow_Private(&state, rank ? 0 : n, note, &room));
-  PetscCall(LatinStateWrite_Private(comm, file, &head, &state, note));
+  ierr = LatinStateWrite_Private(comm, file, &head, &state, note);
   PetscCall(PetscFree(room));
+  PetscCall(ierr); /* a disk may be full */
   PetscFunctionReturn(0);
 }
 
