@@ -410,10 +410,10 @@ BAD = [
     ("part = true", "part = 1", ["[[case]] 'wind'", "part must be true or false"]),
     ("force = [3.0, 0.0]", "force = [3.0]", ["[[case]] 'wind': [case.loads.top]: force must be a list of 2"]),
     ("[case.loads.top]", "[case.load.top]", ["[[case]] 'wind'", "unknown key 'load'", "'loads'"]),
-    ('lines = "all"', 'lines = "any"', ["[[case]] 'weight': [case.loads.all]", "no group of lines is 'any'"]),
-    ('lines = "all"', "lines = []", ["[[case]] 'weight': [case.loads.all]", "no group of lines is []"]),
+    ('lines = "all"', 'lines = "any"', ["[[case]] 'weight': [case.loads.all]", "no line or group of lines is 'any'"]),
+    ('lines = "all"', "lines = []", ["[[case]] 'weight': [case.loads.all]", "no line or group of lines is []"]),
     ("displacement = [0.0, -0.02]", "moved = 1", ["'sunk': [case.settlements.left]", "unknown key 'moved'"]),
-    ('where = "x=min"\ndisplacement = [0.0, -0.02]', "", ["[case.settlements.left]", "no group has this name"]),
+    ('where = "x=min"\ndisplacement = [0.0, -0.02]', "", ["[case.settlements.left]", "no group or node has this name"]),
     ('where = "x=min"', 'where = "y=max"', ["[case.settlements.left]", "in which a node is not held"]),
     (
         "[case.settlements.left]",

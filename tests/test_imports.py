@@ -171,6 +171,51 @@ def test_settlements_masses_and_groups_of_tables(tmp_path):
     assert u[1, 0] == pytest.approx((2 + 3 * 0.8) / 6)
 
 
+NAMED = """
+[laws.members]
+law = "bar"
+EA = 4e6
+[supports.7]
+[supports.B]
+fix = "y"
+[loads.top]
+force = [0.0, -3e3]
+[loads.7]
+force = [50.0, 0.0]
+"""
+
+
+def named(folder):
+    """Write a table whose nodes and members have names, one of them that of a group."""
+    (folder / "nodes.csv").write_text("node,x,y,group\n7,0,0,\nB,2,0,\ntop,1,1,\nside,1,2,top\nalone,5,5,\n")
+    (folder / "members.csv").write_text("member,start,end\npost,7,top\ntie,B,top\n,7,side\n,B,side\n")
+
+
+def test_nodes_and_members_are_named_as_groups_are(tmp_path):
+    """Groups come first: the load on `top` acts on the group, not on the node of that name."""
+    named(tmp_path)
+    (tmp_path / "members.toml").write_text(NAMED)
+    scene = latinpc.read(tmp_path)
+    assert scene.fixed.tolist() == [[True, True], [False, True], [False, False], [False, False]]
+    assert scene.load.tolist() == [[50, 0], [0, 0], [0, 0], [0, -3e3]]
+    (tmp_path / "members.toml").unlink()
+    scene = latinpc.read(tmp_path, EA={"post": 1e6, None: 4e6}, support=["7", "B:y"], load=["y=-3e3:top", "x=50:7"])
+    length = np.sqrt([2, 2, 5, 5])
+    assert scene.stiffness * length == pytest.approx([1e6, 4e6, 4e6, 4e6])
+    assert scene.load.tolist() == [[50, 0], [0, 0], [0, 0], [0, -3e3]]
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    ({"support": "8"}, "--support 8: '8' chooses no nodes; write a group or a node of the file"),
+    ({"support": "alone"}, "'alone' chooses no nodes"),
+    ({"EA": {"strut": 1.0}}, "no line or group of lines is 'strut'"),
+])  # fmt: skip
+def test_names_that_no_node_or_member_has(given, said, tmp_path):
+    named(tmp_path)
+    with pytest.raises(ValueError, match=said):
+        latinpc.read(tmp_path, **{"EA": 1e6, "support": "y=min", "load": "x=1"} | given)
+
+
 MATERIALS = [
     ("Elastic 1 2.1e11 0.0 0.0", Law.CABLE, 0.0),
     ("ENT 1 2.1e11", Law.COMPRESSION_ONLY, 0.0),

@@ -133,9 +133,9 @@ OPTIONS = [
     ({"load": [0, 0, -1]}, ["load must be a text such as 'z=-1000:deck'", "not [0, 0, -1]"]),
     ({"support": 3}, ["support must be a text such as 'z=min', or a list of such, not 3"]),
     ({"scale": "mm"}, ["scale must be a finite number, not 'mm'"]),
-    ({"self_weight": {"X": 1}}, ["--self-weight X=1: no group of lines is 'X'"]),
+    ({"self_weight": {"X": 1}}, ["--self-weight X=1: no line or group of lines is 'X'"]),
     ({"load": "z=3"}, ["--load z=3", "there is no z", "write dim = 3 in bars.toml"]),
-    ({"EA": {"wires": 1.0}}, ["no group of lines is 'wires'"]),
+    ({"EA": {"wires": 1.0}}, ["no line or group of lines is 'wires'"]),
     ({"EA": {"ropes": -1.0}}, ["'ropes'", "EA must be positive"]),
     ({"law": {None: "cables"}}, ["unknown law 'cables'"]),
     ({"law": "friction"}, ["the law friction takes no EA"]),
@@ -234,7 +234,7 @@ def test_toml_files_move_supports_of_tables(tmp_path):
 
 
 @pytest.mark.parametrize(("toml", "words"), [
-    ('[loads.w]\nlines = "zzz"\nline = [0.0, 1.0]\n', ["[loads.w]: no group of lines is 'zzz'", "known: members"]),
+    ('[loads.w]\nlines = "zzz"\nline = [0.0, 1.0]\n', ["[loads.w]: no line or group of lines is 'zzz'", "known"]),
     ('[loads.w]\nwhere = "x=min"\nline = [0.0, 1.0]\n', ["[loads.w]: where is for nodes; name lines by lines"]),
     ('[[case]]\n[case.supports.a]\nfix = "x"\n', ["unknown key 'supports'; known: combine"]),
     ('[[case]]\nname = "c"\ncombine = {}\n', ["combine must be factors of cases, such as { dead = 1.35"]),
@@ -245,11 +245,11 @@ def test_toml_files_move_supports_of_tables(tmp_path):
     ),
     (
         '[supports.edge]\nwhere = "x=min"\n[[case]]\n[case.settlements.edge]\ndisplacement = [0.0, -0.1]\n',
-        ["[case.settlements.edge]: no group has this name, and the where of [supports.edge] holds there alone"],
+        ["[case.settlements.edge]: no group or node has this name, and the where of [supports.edge] holds there alone"],
     ),
     (
         '[loads.half]\nbox = [[0, 0], [4, 3]]\nforce = [0.0, 1.0]\n[[case]]\n[case.loads.half]\nforce = [0.0, -1.0]\n',
-        ["[case.loads.half]: no group has this name, and the box of [loads.half] holds there alone"],
+        ["[case.loads.half]: no group or node has this name, and the box of [loads.half] holds there alone"],
     ),
 ])  # fmt: skip
 def test_wrong_keys_are_named_without_far_guesses(toml, words, tmp_path):

@@ -31,7 +31,11 @@ FILES = {
     "law": ("--law", "[GROUP=]NAME", "Law of lines without one"),
     "EA": ("--EA", "[GROUP=]X", "Axial stiffness of lines without one (N)"),
     "prestress": ("--prestress", "[GROUP=]X", "Tension before loading (N), of lines without one"),
-    "support": ("--support", "WHERE[:AXES]", "Hold nodes: a group, all, or conditions such as z=min or 'x>=2,y<1'"),
+    "support": (
+        "--support",
+        "WHERE[:AXES]",
+        "Hold nodes: a group, a node, all, or conditions such as z=min or 'x>=2,y<1'",
+    ),
     "load": ("--load", "z=X[,..][:WHERE]", "Force on each node (N), such as z=-1000 or x=50:deck"),
     "self_weight": ("--self-weight", "[GROUP=]X", "Weight along lines (N/m), downwards"),
     "case": ("--case", "NAME", "Load case of the TOML file to solve; latinpc cases solves all"),

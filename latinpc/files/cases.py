@@ -121,10 +121,10 @@ def _refuse_chosen_above(table, settings, node_groups, where):
         for group, entries in table.get(key, {}).items():
             above = settings.get(outside, {}).get(group, {})
             chosen = next((choice for choice in ("box", "where") if choice in above), None)
-            if chosen and group not in node_groups and not entries.keys() & {"box", "where", "line"}:
+            if chosen and group not in set(node_groups) and not entries.keys() & {"box", "where", "line"}:
                 raise ValueError(
-                    f"{where}: [case.{key}.{group}]: no group has this name, and the {chosen} of [{outside}.{group}]"
-                    f" holds there alone: give {chosen} here as well"
+                    f"{where}: [case.{key}.{group}]: no group or node has this name, and the {chosen} of"
+                    f" [{outside}.{group}] holds there alone: give {chosen} here as well"
                 )
 
 

@@ -102,7 +102,7 @@ def nodes_of(group, entries, nodes, node_groups, where):
             return np.arange(len(nodes))
         if group not in node_groups:
             hint = nearest(group, node_groups)
-            raise ValueError(f"{where}: no group has this name, and neither box nor where is given{hint}")
+            raise ValueError(f"{where}: no group or node has this name, and neither box nor where is given{hint}")
         chosen = node_groups[group]
     elif "where" in entries:
         if not isinstance(entries["where"], str):
@@ -134,7 +134,9 @@ def lines_of(group, entries, line_groups, count, where):
         raise ValueError(f'{where}: {of_nodes[0]} is for nodes; name lines by lines = "GROUP", or lines = "all"')
     if not isinstance(name, str) or name not in line_groups:
         hint = nearest(str(name), line_groups)
-        raise ValueError(f'{where}: no group of lines is {name!r}; give lines = "GROUP", or lines = "all"{hint}')
+        raise ValueError(
+            f'{where}: no line or group of lines is {name!r}; give lines = "GROUP", or lines = "all"{hint}'
+        )
     return line_groups[name]
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from latinpc.numbering import place_name
 
+from .groups import Groups
+
 MERGE = 1e-6  # of the largest extent: the least distance of two points of a drawing that are not one node
 LENGTHS = ("initial_elongation", "gap")  # entries of laws that are in the unit of the file
 GENERIC = np.array([0.5773, 0.7071, 0.4082])  # a direction along which the points of a regular drawing are apart
@@ -90,6 +92,7 @@ class Lines:
         self.mass = np.zeros(n) if self.mass is None else self.mass
         self.point_names = np.arange(1, n + 1) if self.point_names is None else np.asarray(self.point_names)
         self.line_names = None if self.line_names is None else np.asarray(self.line_names)
+        self.groups = Groups(self.groups, self.line_names)
 
     @property
     def extent(self):

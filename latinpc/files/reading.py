@@ -58,10 +58,10 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
     velocity = [0.0, 0.0, -1.0]          # m/s of each node at the start
 
 Loads and masses add up; a node may belong to several groups. A table of nodes with the name ``all``, such as
-``[loads.all]``, is for all of them. ``lines = "NAME"``, or ``"all"``, names the lines of a
-load or a mass of another name. Nodes that no link touches are left out; with a load, a mass or a displacement they are
-refused. Load cases are tables ``[[case]]``, see
-`latinpc.files.cases`.
+``[loads.all]``, is for all of them. A name that no group has is that of one node or line: ``[loads.17]``,
+``[laws.strut3]``. ``lines = "NAME"``, or ``"all"``, names the lines of a load or a mass of another name. Nodes that no
+link touches are left out; with a load, a mass or a displacement they are refused. Load cases are tables ``[[case]]``,
+see `latinpc.files.cases`.
 """
 
 from __future__ import annotations
@@ -83,6 +83,7 @@ from latinpc.scenes.scene import Scene
 from .cases import read_cases
 from .description import number, read_description, read_loads, read_masses, read_supports, read_velocities
 from .given import Given, add_options, by_group, in_space
+from .groups import Groups
 from .linklaws import read_laws
 from .selection import AXES
 from .tables import pair
@@ -259,7 +260,7 @@ def _assignments(settings, description, lines, given):
     number = np.full(len(lines.ends), len(groups) - 1)
     for index, group in reversed(list(enumerate(groups[:-1]))):
         if group not in lines.groups:
-            raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
+            raise ValueError(f"{OPTIONS}: no line or group of lines is '{group}'{nearest(group, lines.groups)}")
         _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
         number[lines.groups[group]] = index
     for where, chosen, entries, law in _of_files(settings, description, lines):
@@ -306,7 +307,7 @@ def _tables_of_lines(tables, lines, description):
     for index, (group, _) in enumerate(tables):
         where = f"{description}: [laws.{group}]"
         if group not in lines.groups:
-            raise ValueError(f"{where}: no group of lines has this name{nearest(group, lines.groups)}")
+            raise ValueError(f"{where}: no line or group of lines has this name{nearest(group, lines.groups)}")
         _refuse_empty(where, lines, group)
         if (table[lines.groups[group]] >= 0).any():
             raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
@@ -377,7 +378,7 @@ def _scene(path, lines, settings, description, given):
     groups = {name: number[chosen] for name, chosen in lines.node_groups.items()}
     for name, chosen in lines.groups.items():
         groups[name] = np.union1d(groups.get(name, np.zeros(0, np.int64)), ends[chosen])
-    groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
+    groups = Groups({name: chosen[chosen >= 0] for name, chosen in groups.items()}, lines.point_names[used])
     drawn = {name: np.flatnonzero(np.isin(line, chosen)) for name, chosen in lines.groups.items()}
     points = {name: number[chosen][number[chosen] >= 0] for name, chosen in lines.node_groups.items()}
     notes = notes + in_space(settings, dim, description)

@@ -9,7 +9,7 @@ import numpy as np
 AXES = "xyz"
 SLACK = 1e-9  # of the largest extent: coordinates nearer to each other are equal
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*(min|max|[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
-FORMAT = "a group of the file, all, or conditions such as z=min, z<=0.5 or x>=2,y=max"
+FORMAT = "a group or a node of the file, all, or conditions such as z=min, z<=0.5 or x>=2,y=max"
 
 
 def select(text, nodes, groups, where):
@@ -18,11 +18,12 @@ def select(text, nodes, groups, where):
     Parameters
     ----------
     text : str
-        A group, ``all``, or conditions joined by commas, which all hold: an axis, one of ``<= >= < > =``, and a number
-        (m), ``min`` or ``max``.
+        A group, a node, ``all``, or conditions joined by commas, which all hold: an axis, one of ``<= >= < > =``, and
+        a number (m), ``min`` or ``max``.
     nodes : (n, dim) array of float
         Coordinates (m).
     groups : dict of str to array of int
+        With nodes by their names, as in groups.py.
     where : str
         What messages open with.
 
