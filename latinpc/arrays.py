@@ -98,16 +98,19 @@ def block(n, rank, size):
 
 
 def agreed(comm, function, *arguments):
-    """Call a function on each rank; what it refuses on one is an error on all, with its number; collective."""
+    """Call a function on each rank; what it refuses on one is an error on all; collective."""
     error, value = None, None
     try:
         value = function(*arguments)
     except (ValueError, TypeError) as refused:
-        error = str(refused)
+        error = refused
     first = comm.allreduce(comm.size if error is None else comm.rank, op=MPI.MIN)
-    if first < comm.size:
-        raise ValueError(f"rank {first}: {comm.bcast(error, root=first)}")
-    return value
+    if first == comm.size:
+        return value
+    said = comm.bcast(str(error), root=first)
+    if comm.allreduce(error is not None and str(error) == said, op=MPI.LAND):
+        raise error
+    raise ValueError(f"rank {first}: {said}") from error
 
 
 def alike(comm, **arguments):

@@ -7,10 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
+from latinpc.arrays import REAL, agreed, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "INSTEAD", "Checks", "check_assigned", "check_scene", "checked", "checked_name", "checked_shapes"]
+__all__ = [
+    "ARRAYS",
+    "INSTEAD",
+    "Agreed",
+    "Checks",
+    "check_assigned",
+    "check_scene",
+    "checked",
+    "checked_name",
+    "checked_shapes",
+]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
@@ -254,3 +264,15 @@ class Checks:
         values = self.link_array("initial_elongation", values)
         refuse(~np.isfinite(values), "link", "has an initial elongation that is not finite", values)
         return values
+
+
+class Agreed:
+    """Checks of each rank's arrays; what one rank refuses is an error on all."""
+
+    def __init__(self, comm, checks):
+        self._comm, self._of = comm, checks
+
+    def __getattr__(self, name):
+        """Return a check that all ranks make together, or a number."""
+        found = getattr(self._of, name)
+        return (lambda *arguments: agreed(self._comm, found, *arguments)) if callable(found) else found

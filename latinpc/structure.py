@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc.actions import Actions
-from latinpc.arrays import REAL, Slices, communicator, index_set, native
-from latinpc.checks import ARRAYS, INSTEAD, Checks, check_assigned, check_scene, checked
+from latinpc.arrays import REAL, Slices, agreed, communicator, index_set, native
+from latinpc.checks import ARRAYS, INSTEAD, Agreed, Checks, check_assigned, check_scene, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.library import _latin
@@ -245,9 +245,10 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def _checked(self, given):
         """Check the arrays, and find out which of them are this rank's."""
-        arrays = checked(given, _latin.law_names())
+        comm = self.comm.tompi4py()
+        arrays = agreed(comm, checked, given, _latin.law_names())
         self._alike(**arrays)
-        self._checks = Checks(arrays["nodes"].shape, len(arrays["links"]))
+        self._checks = Agreed(comm, Checks(arrays["nodes"].shape, len(arrays["links"])))
         self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
         return arrays
 

@@ -277,10 +277,36 @@ for name, change in changes.items():
     except ValueError as error:
         assert f"ranks differ in {name}: " in str(error), error
         print("refused")
+last, lost = PETSc.COMM_WORLD.size - 1, np.where(rank, np.nan, 1.0)  # one rank alone has what no structure may have
+wrong = {
+    "finite": lambda: structure.set_load(np.full(same.load.shape, lost)),
+    "mass": lambda: structure.set_mass(-float(rank)),
+    "shape": lambda: structure.set_initial_elongation(np.zeros(3)) if rank else structure.set_initial_elongation(0.0),
+    "no length": lambda: latinpc.Structure.from_scene(make("lattice", nx=8, ny=4)) if not rank else collapsed(),
+}
+
+
+def collapsed():
+    other = make("lattice", nx=8, ny=4)
+    other.nodes[:] = 0.0
+    return latinpc.Structure.from_scene(other)
+
+
+for name, change in wrong.items():
+    try:
+        change()
+    except ValueError as error:
+        assert name in str(error) and "rank 1: " in str(error), error
+        print("refused")
+try:
+    structure.set_load(np.full(same.load.shape, np.nan))
+except ValueError as error:
+    assert "rank" not in str(error), error  # as on one rank
+    print("refused")
 assert structure.solve().converged
 """
 
 
 def test_arrays_that_differ_between_ranks_are_refused(mpirun):
     """Such as random numbers without a seed: each rank had taken its part of what it had."""
-    assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 18
+    assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 28

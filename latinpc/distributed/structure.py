@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from latinpc.arrays import REAL, Parts, agreed, alike, refuse
-from latinpc.checks import ARRAYS, INSTEAD, Checks, checked, checked_shapes
+from latinpc.checks import ARRAYS, INSTEAD, Agreed, Checks, checked, checked_shapes
 from latinpc.library import _latin
 from latinpc.results.solve import solve
 from latinpc.structure import Structure
@@ -167,18 +167,6 @@ class LocalStructure(Structure):
         raise ValueError("a part of a structure is not drawn: draw the gathered result, or write it as .pvtu")
 
     free_motion = interactive = plot
-
-
-class Agreed:
-    """Checks of each rank's arrays; what one rank refuses is an error on all."""
-
-    def __init__(self, comm, checks):
-        self._comm, self._of = comm, checks
-
-    def __getattr__(self, name):
-        """Return a check that all ranks make together, or a number."""
-        found = getattr(self._of, name)
-        return (lambda *arguments: agreed(self._comm, found, *arguments)) if callable(found) else found
 
 
 def _known_nodes(links, total):
