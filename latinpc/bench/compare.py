@@ -64,7 +64,7 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
         scene, scene_options, free_dofs, links, accuracy, repeat, ranks, reference, cores, versions, rows, runs.
         A row has the keys of `KEYS`; a run more of them. What a method that failed does not give is None.
     """
-    methods = check_methods(methods or _suited(scene))
+    methods = check_methods(methods or suited(scene))
     bars, linear = not (scene.law != Law.BAR).any(), scene.geometry == "linear"
     for name in methods:
         if METHODS[name].kind == "linear" and not (bars and linear):
@@ -128,7 +128,7 @@ class _Told:
             self._progress(f"{self._scene}: {self._number} of {self._total}, {text} ({seconds:.0f} s so far)")
 
 
-def _suited(scene):
+def suited(scene):
     """Return the methods that take a scene: its energy is quadratic, convex, or neither with large displacements."""
     if scene.geometry == "linear":
         return DEFAULT if (scene.law != Law.BAR).any() else LINEAR

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from latinpc.scenes import make
 
 from . import peers
-from .compare import describe
+from .compare import describe, suited
 from .peers.launch import Bench, Failed
 
 ACCURACIES = tuple(10.0**-k for k in range(1, 11))
+UNBALANCE = "largest unbalance"  #: label of the last row, where displacements give the forces
 
 _OUTER = "snes_latin_outer_snes_type"
 _DEPTH = "snes_latin_outer_snes_anderson_m"
@@ -91,12 +92,17 @@ KNOBS = {
 def knobs_of(scene, names=None):
     """Return the knobs that a scene has: those that change its partition are for the regular grids.
 
-    Elsewhere METIS makes the subdomains, and their size is a number of links.
+    Elsewhere METIS makes the subdomains, and their size is a number of links. Methods that do not take the geometry are
+    left out.
     """
     unknown = [name for name in names or () if name not in KNOBS]
     if unknown:
         raise ValueError(f"unknown knob '{unknown[0]}': choose from {', '.join(KNOBS)}")
     knobs = {name: KNOBS[name] for name in names or KNOBS}
+    if scene.geometry != "linear":
+        known = {"latin", *suited(scene)}
+        knobs = {name: tuple(choice for choice in knob if choice.method in known) for name, knob in knobs.items()}
+        knobs = {name: knob for name, knob in knobs.items() if knob != (DEFAULT,)}
     size = "subdomain size"
     if size in knobs:
         modules = scene.metadata.get("modules") if scene.metadata.get("partition") == "regular" else None
@@ -230,8 +236,9 @@ def _forces(document):
     rows = []
     for label, key, text in (
         ("error of the tensions", "error_tension", "{:.0e}".format),
-        ("largest unbalance", "largest_unbalance", lambda value: quantity(value, "N")),
+        (UNBALANCE, "largest_unbalance", lambda value: quantity(value, "N")),
     ):
         found = [at.get(accuracy, {}).get(key) for accuracy in document["accuracies"]]
-        rows.append([label, curve["label"], "", *("-" if value is None else text(value) for value in found)])
+        if any(value is not None for value in found):  # displacements alone do not give the forces of rigid links
+            rows.append([label, curve["label"], "", *("-" if value is None else text(value) for value in found)])
     return rows
