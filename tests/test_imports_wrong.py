@@ -240,6 +240,13 @@ def test_toml_files_move_supports_of_tables(tmp_path):
     ('[[case]]\nname = "c"\ncombine = {}\n', ["combine must be factors of cases, such as { dead = 1.35"]),
     ("scale = 0.1\n", ["unknown key 'scale'; known: case"]),
     (
+        "[loads.all]\nforce = [0.0, 0.0, -1.0]\n",
+        ["force must be a list of 2 numbers, not [0.0, 0.0, -1.0]; the structure lies in x, y, unless dim = 3 stands"],
+    ),
+    ('[supports.all]\nfix = "xyz"\n', ["['x', 'y']", "not 'xyz'; the structure lies in x, y, unless dim = 3 stands"]),
+    ("[supports.all]\nfix = 3\n", ["fix must be a list out of ['x', 'y'], or a text such as 'xy', not 3"]),
+    ('[supports.all]\nfix = [["x"]]\n', ["or a text such as 'xy', not [['x']]"]),
+    (
         '[[case]]\nname = "dead"\n[[case]]\nname = "all"\ncombine = { dead = 1.35 }\n',
         ["[[case]] 'all': combine: 'dead' has no actions of its own", "in every case, without a factor"],
     ),
@@ -286,6 +293,17 @@ def test_a_table_is_given_in_the_toml_file(tmp_path):
         latinpc.read(path)
     (tmp_path / "bars.toml").write_text("[laws.ropes]\ntable = [[0.0, 0.0], [0.1, 5e3]]\n")
     assert len(latinpc.read(path).tables) >= 1
+
+
+def test_a_table_is_made_of_pairs(tmp_path):
+    path, _ = written(tmp_path, "csv")
+    members = tmp_path / "bars-members.csv"
+    members.write_text("start,end,law\nleft,middle,table\nmiddle,right,table\n")
+    (tmp_path / "bars.toml").write_text("[laws.members]\ntable = [[0.0, 0.0, 1.0], [1.0, 2.0, 3.0]]\n")
+    with pytest.raises(
+        ValueError, match=r"table must be a list of two or more pairs .*; it is not \[\[0.0, 0.0, 1.0\]"
+    ):
+        latinpc.read(path)
 
 
 def test_merged_nodes_have_one_displacement(tmp_path):

@@ -83,8 +83,15 @@ def number(value, where, positive=False):
 def vector(value, dim, where):
     """Return a list of numbers of the file as an array (dim,), or raise with its place."""
     if not isinstance(value, list) or len(value) != dim:
-        raise ValueError(f"{where} must be a list of {dim} numbers, not {value!r}")
+        more = _more_axes(len(value), dim) if isinstance(value, list) else ""
+        raise ValueError(f"{where} must be a list of {dim} number{'s' * (dim > 1)}, not {value!r}{more}")
     return np.array([number(item, where) for item in value])
+
+
+def _more_axes(needed, dim):
+    """Return what a message adds where a file names more axes than the structure has."""
+    lies = f"; the structure lies in {', '.join(AXES[:dim])}, unless dim = {needed} stands at the top of the TOML file"
+    return lies if dim < needed <= len(AXES) else ""
 
 
 def one_of(entries, keys, where):
@@ -168,7 +175,10 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
         fix = entries.get("fix", list(AXES[:dim]))
         if not isinstance(fix, (list, str)) or not fix or any(axis not in list(AXES[:dim]) for axis in fix):
             known = f"a list out of {list(AXES[:dim])}, or a text such as 'xy'"
-            raise ValueError(f"{where}: fix must be {known}, not {fix!r}")
+            named = [
+                number for number, axis in enumerate(AXES, start=1) if isinstance(fix, (list, str)) and axis in fix
+            ]
+            raise ValueError(f"{where}: fix must be {known}, not {fix!r}{_more_axes(max(named, default=0), dim)}")
         value = np.zeros(dim)
         if "displacement" in entries:
             value = vector(entries["displacement"], dim, f"{where}: displacement")

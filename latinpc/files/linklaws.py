@@ -98,7 +98,8 @@ def _contacts(points, lines, law, stiffness, initial_elongation, direction, fric
 def _table(entries, where):
     """Return elongations and tensions of a piecewise linear law."""
     table = entries.get("table")
-    if not isinstance(table, list) or len(table) < 2:
+    pairs = isinstance(table, list) and all(isinstance(pair, list) and len(pair) == 2 for pair in table)
+    if not pairs or len(table) < 2:
         said = "missing, give it in [laws.GROUP] of the TOML file" if table is None else f"not {table!r}"
         raise ValueError(f"{where}: table must be a list of two or more pairs [e + e0 (m), tension (N)]; it is {said}")
     elongation, tension = np.array([vector(pair, 2, f"{where}: table") for pair in table]).T
