@@ -126,7 +126,8 @@ OPTIONS = [
     ({"support": "feet"}, ["--support feet", "chooses no nodes", "its groups are points, ropes"]),
     ({"support": "x<5:z"}, ["--support x<5:z", "fix must be a list out of ['x', 'y']"]),
     ({"support": "z=min"}, ["--support z=min", "there is no z", "x, y"]),
-    ({"support": "x>100"}, ["--support x>100", "holds no node"]),
+    ({"support": "point"}, ["'point' chooses no nodes (do you mean 'points'?); write"]),
+    ({"support": "x>100"}, ["--support x>100: holds no node of a link; x goes from 0 to 8 m, y goes from 0 to 3 m"]),
     ({"support": ()}, ["bars.obj", "nothing is held", "--support", "bars.toml"]),
     ({"load": "down=3"}, ["--load down=3", "write z=-1000"]),
     ({"load": ["y=3", "y=3"]}, ["--load y=3: given twice"]),
@@ -244,6 +245,10 @@ def test_toml_files_move_supports_of_tables(tmp_path):
         ["force must be a list of 2 numbers, not [0.0, 0.0, -1.0]; the structure lies in x, y, unless dim = 3 stands"],
     ),
     ('[supports.all]\nfix = "xyz"\n', ["['x', 'y']", "not 'xyz'; the structure lies in x, y, unless dim = 3 stands"]),
+    (
+        "[loads.w]\nbox = [[0, 4], [8, 5]]\nforce = [0.0, 1.0]\n",
+        ["holds no node of a link; x goes from 0 to 8 m, y goes from 0 to 3 m"],
+    ),
     ("[supports.all]\nfix = 3\n", ["fix must be a list out of ['x', 'y'], or a text such as 'xy', not 3"]),
     ('[supports.all]\nfix = [["x"]]\n', ["or a text such as 'xy', not [['x']]"]),
     (

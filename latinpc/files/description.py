@@ -125,8 +125,16 @@ def nodes_of(group, entries, nodes, node_groups, where):
         slack = 1e-9 * max(np.ptp(nodes, axis=0).max(), 1e-300)  # a box of no thickness still holds its nodes
         chosen = np.flatnonzero(((nodes >= low - slack) & (nodes <= high + slack)).all(axis=1))
     if not len(chosen):
-        raise ValueError(f"{where}: holds no node of a link")
+        raise ValueError(
+            f"{where}: holds no node of a link{_extents(nodes) if {'box', 'where'} & set(entries) else ''}"
+        )
     return chosen
+
+
+def _extents(nodes):
+    """Return what a message says of the extents of the nodes."""
+    ends = zip(AXES, nodes.min(axis=0), nodes.max(axis=0), strict=False)
+    return "; " + ", ".join(f"{axis} goes from {low:.4g} to {high:.4g} m" for axis, low, high in ends)
 
 
 def lines_of(group, entries, line_groups, count, where):

@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 
+from .text import meant
+
 AXES = "xyz"
 SLACK = 1e-9  # of the largest extent: coordinates nearer to each other are equal
 CONDITION = re.compile(r"\s*([xyz])\s*(<=|>=|<|>|=)\s*(min|max|[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
@@ -39,7 +41,7 @@ def select(text, nodes, groups, where):
         found = CONDITION.fullmatch(part)
         if not found:
             known = f"; its groups are {', '.join(sorted(groups))}" if groups else ""
-            raise ValueError(f"{where}: '{part.strip()}' chooses no nodes; write {FORMAT}{known}")
+            raise ValueError(f"{where}: '{part.strip()}' chooses no nodes{meant(part, groups)}; write {FORMAT}{known}")
         axis, sign, value = found.groups()
         if AXES.index(axis) >= nodes.shape[1]:
             raise ValueError(f"{where}: there is no {axis}, the structure lies in {', '.join(AXES[: nodes.shape[1]])}")

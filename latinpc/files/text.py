@@ -24,8 +24,13 @@ def lookalike(text):
 
 def nearest(word, known, cutoff=0.5):
     """Return what a message on an unknown key says of the known ones; of words of our own only near ones are meant."""
+    return meant(word, known, cutoff) or f"; known: {', '.join(sorted(known)) or 'none'}"
+
+
+def meant(word, known, cutoff=0.5):
+    """Return what a message on an unknown word says of the known one that is near, or nothing."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
-    return f" (do you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known)) or 'none'}"
+    return f" (do you mean '{close[0]}'?)" if close else ""
 
 
 def read_text(path):
