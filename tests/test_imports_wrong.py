@@ -249,6 +249,8 @@ def test_toml_files_move_supports_of_tables(tmp_path):
         "[loads.w]\nbox = [[0, 4], [8, 5]]\nforce = [0.0, 1.0]\n",
         ["holds no node of a link; x goes from 0 to 8 m, y goes from 0 to 3 m"],
     ),
+    ("[loads.all]\nforce = [0.5, -.5]\n", ["at line 2", "(-.5: TOML asks for a digit on both sides of the point)"]),
+    ('title = "3." # 4.\n[laws.bars]\nEA = 2.e5\n', ["at line 3", "(2.e5: TOML asks for a digit on both sides"]),
     ("[supports.all]\nfix = 3\n", ["fix must be a list out of ['x', 'y'], or a text such as 'xy', not 3"]),
     ('[supports.all]\nfix = [["x"]]\n', ["or a text such as 'xy', not [['x']]"]),
     (

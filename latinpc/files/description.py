@@ -13,7 +13,7 @@ from numbers import Real
 import numpy as np
 
 from .selection import AXES, select
-from .text import lookalike, nearest, read_text
+from .text import lookalike, nearest, points, read_text
 
 LAW_KEYS = (
     "law", "EA", "stiffness", "initial_elongation", "strain", "prestress", "gap", "coefficient", "normal", "table",
@@ -39,7 +39,7 @@ def read_description(description):
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
         at = re.search(r"at line (\d+)", str(error))
         line = text.split("\n")[int(at[1]) - 1] if at else ""
-        raise ValueError(f"{description}: not a TOML file: {error}{lookalike(line)}") from None
+        raise ValueError(f"{description}: not a TOML file: {error}{lookalike(line)}{points(line)}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
     check_keys(settings, TOP_KEYS, tables | {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}, f"{description}: ", "")
     return settings

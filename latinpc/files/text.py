@@ -8,6 +8,8 @@ import sys
 import unicodedata
 
 LOOKALIKE = re.compile("[\u00a0\u2000-\u2015\u202f\u2060\u2212\ufeff]")  # minus, hyphens and spaces that ASCII has not
+POINT = re.compile(r"(?<![\w.])[-+]?(?:\.\d+|\d+\.(?!\d))(?:[eE][-+]?\d+)?")  # a number with a bare point
+TEXT = re.compile(r"\"[^\"]*\"|'[^']*'")
 
 
 def wrong(path, row, what, expected):
@@ -31,6 +33,12 @@ def meant(word, known, cutoff=0.5):
     """Return what a message on an unknown word says of the known one that is near, or nothing."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
     return f" (do you mean '{close[0]}'?)" if close else ""
+
+
+def points(line):
+    """Return what a message says of a line with a number such as .5 or 1., which TOML does not know, or nothing."""
+    found = POINT.search(TEXT.sub("", line).partition("#")[0])
+    return f" ({found[0]}: TOML asks for a digit on both sides of the point)" if found else ""
 
 
 def read_text(path):
