@@ -164,3 +164,8 @@ def test_open_contacts_are_called_so():
     ):
         (text,) = line(laws, [0.0 if law == Law.CONTACT else 10.0 for law in laws], e0, 0.0).solve().notices
         assert text.startswith(f"{kind} leave node 1 free")
+
+
+def test_summaries_call_cables_slack_and_contacts_open():
+    text = str(line([Law.CONTACT, Law.CABLE, Law.BAR], [0.0, 10.0, 10.0], [0.5, -0.5, 0.0], 0.0).solve())
+    assert re.search("slack +1 of 1 cable\n", text) and re.search("open +1 of 1 contact\n", text)

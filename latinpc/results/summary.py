@@ -141,15 +141,18 @@ def _mechanics(scene, result):
     low, high = result.tensions.min(), result.tensions.max()
     lines.append(("forces", f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"))
     lines.append(("worst member", _worst(scene, result)))
-    loose = [
-        f"{np.count_nonzero(result.slack & chosen):,} of {counted(int(chosen.sum()), law.noun, law.plural)}"
-        for law in UNILATERAL
-        if (chosen := scene.law == law).any()
-    ]
-    if loose:
-        word = "open" if np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any() else "slack"
-        lines.append((word, ", ".join(loose)))
-    return lines + _reactions(scene, result) + _stresses(result)
+    return lines + _loose(scene, result) + _reactions(scene, result) + _stresses(result)
+
+
+def _loose(scene, result):
+    """Return how many cables and links in compression only are slack, and how many contacts are open."""
+    found = {"slack": [], "open": []}
+    for law in UNILATERAL:
+        if (chosen := scene.law == law).any():
+            count = f"{np.count_nonzero(result.slack & chosen):,}"
+            word = "open" if law in (Law.CONTACT, Law.FRICTION) else "slack"
+            found[word].append(f"{count} of {counted(int(chosen.sum()), law.noun, law.plural)}")
+    return [(word, ", ".join(counts)) for word, counts in found.items() if counts]
 
 
 def _worst(scene, result):
