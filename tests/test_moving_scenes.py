@@ -292,3 +292,8 @@ def test_tables_have_gaps_of_contacts_and_tangential_parts_follow_them():
 def test_masses_on_held_nodes_alone_are_noticed():
     scene = Scene("two", [[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]], mass=[1.0, 0.0], time_step=0.1)
     assert any("masses are on held nodes alone" in text for text in move(scene, 1).notices)
+
+
+def test_a_motion_prints_its_summary():
+    text = str(move(make("bouncing-chain", links=8), 3))
+    assert text.startswith("bouncing-chain\n  structure ") and "all steps converged" in text and len(text) < 1000

@@ -17,6 +17,7 @@ from latinpc.results.mechanics import slack
 from latinpc.results.notices import SolveError, errors_as_given
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.results.solve import attach_linear, gather
+from latinpc.results.summary import summary_of_motion
 from latinpc.results.units import quantity
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
@@ -53,6 +54,10 @@ class Motion:
     subdomain: np.ndarray | None = None  #: (m,), as the solver has it
     node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
     notices: list = field(default_factory=list)  #: sentences the user should read
+
+    def __repr__(self) -> str:
+        lines = [*summary_of_motion(self), *(("notice", text) for text in self.notices)]
+        return "\n".join([self.scene.name, *(f"  {label:<15}{text}" for label, text in lines)])
 
     @property
     def converged(self):
