@@ -297,3 +297,8 @@ def test_masses_on_held_nodes_alone_are_noticed():
 def test_a_motion_prints_its_summary():
     text = str(move(make("bouncing-chain", links=8), 3))
     assert text.startswith("bouncing-chain\n  structure ") and "all steps converged" in text and len(text) < 1000
+
+
+def test_the_case_of_a_history_is_no_name():
+    with pytest.raises(TypeError, match=r"a latinpc\.Case, such as one of scene\.cases, not 'gust'"):
+        History([0.0, 1.0], [0.0, 1.0], "gust")

@@ -36,6 +36,8 @@ class History:
             raise ValueError("a history has as many factors as times, at least one")
         if not (np.isfinite(self.times).all() and np.isfinite(self.factors).all() and (np.diff(self.times) > 0).all()):
             raise ValueError("the times and factors of a history must be finite, and the times must grow")
+        if self.case is not None and not isinstance(self.case, Case):
+            raise TypeError(f"the case of a history is a latinpc.Case, such as one of scene.cases, not {self.case!r}")
 
     def factor(self, time: float) -> float:
         """Return the factor at a time (s)."""
