@@ -148,8 +148,8 @@ def read(
         A `latinpc.Law` or its name, axial stiffness (N) and tension before loading (N) of the lines that the files give
         none; ``bar`` is the default law.
     support : str or sequence of str
-        Held nodes, as ``WHERE`` or ``WHERE:AXES``, for instance ``"z=min"`` or ``"x=max:yz"``; WHERE is a group,
-        ``all``, or conditions on coordinates joined by commas.
+        Held nodes, as ``WHERE`` or ``WHERE:AXES``, for instance ``"z=min"`` or ``"x=max:yz"``; WHERE is a group, a node
+        by its name in the file, ``all``, or conditions on coordinates joined by commas.
     load : str or sequence of str
         Forces on each node (N), as ``z=-1000`` or ``x=50,z=-1000:WHERE``.
     self_weight : float or dict, optional
