@@ -95,3 +95,12 @@ def test_options_that_nothing_reads_are_named():
     with pytest.warns(latinpc.LatinWarning, match="no solver has read -snes_max_itt: misspelt"):
         found = latinpc.solve_cases(row(), [Case("a"), Case("b")], {"snes_max_itt": 3, "snes_max_it": 30})
     assert len(found.notices) == 1
+
+
+def test_one_linear_step_for_each_case_is_said():
+    """Its results are wrong where cables slacken, also where reactions happen to balance the loads."""
+    structure = net(geometry="prestress")
+    options = {"snes_type": "ksponly", "pc_type": "lu"}
+    with pytest.warns(latinpc.LatinWarning, match="^ksponly makes one linear step: it does not follow cables"):
+        found = latinpc.solve_cases(structure, [down("dust", 1.0, structure)], options=options)
+    assert found.converged and found.notices[0].startswith("ksponly")

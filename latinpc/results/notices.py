@@ -39,6 +39,7 @@ __all__ = [
     "implausible",
     "limit",
     "magnitudes",
+    "one_step",
     "overstretched",
     "turned",
     "unlinked_as_value",
@@ -113,11 +114,14 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
         )
     if snes.getType() == "latin" and reason < 0:
         notices += ends if none else [*ends, *_contrast(structure)]
-    if snes.getType() == "ksponly" and (structure.law != Law.BAR).any():
-        notices.append(
-            "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
-        )
-    return notices
+    return notices + one_step(snes, structure)
+
+
+def one_step(snes: PETSc.SNES, structure: Structure) -> list[str]:
+    """Return a sentence on a solver that makes one linear step, where links may slacken."""
+    if snes.getType() != "ksponly" or (structure.law == Law.BAR).all():
+        return []
+    return ["ksponly makes one linear step: it does not follow cables and compression-only links that slacken"]
 
 
 def _given_up(snes):

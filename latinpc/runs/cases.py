@@ -19,7 +19,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
 from latinpc.results.mechanics import slack, stresses, utilisations
-from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, implausible, limit, warn
+from latinpc.results.notices import ConvergenceWarning, causes, errors_as_given, implausible, limit, one_step, warn
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
 from latinpc.results.unread import unread
@@ -131,6 +131,7 @@ def solve_cases(
         try:
             series.solve_together()
             series.solve_rest()
+            notices += one_step(series.snes, structure)
             unused = unread(structure.comm, [name for name in ours if name in given])
             report = {
                 **problem(structure),
