@@ -235,6 +235,10 @@ def test_other_solvers_of_petsc(tmp_path):
 def test_ksponly_on_cables_says_what_it_is_not():
     result = latinpc("solve", TOWER, "--quiet", "-snes_type", "ksponly", "-pc_type", "lu")
     assert "one linear step" in said(result)[0]
+    lattice = latinpc("solve", "lattice", "--quiet", "-snes_type", "ksponly", "-pc_type", "lu")
+    assert said(lattice)[-1].endswith("% of them")  # a smaller error does not help
+    loose = ["-snes_type", "ksponly", "-ksp_type", "cg", "-pc_type", "latin", "-ksp_rtol", "0.1"]
+    assert said(latinpc("solve", "truss-grid", "--modules", "12", "--quiet", *loose))[-1].endswith("smaller -ksp_rtol")
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "options").glob("*.opts")), ids=lambda path: path.stem)

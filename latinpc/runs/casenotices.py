@@ -65,4 +65,5 @@ def _some(names):
 def _alone(cases, number):
     """Return the result of a case that has converged, as a solve by itself gives it."""
     scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
-    return Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
+    report = {"converged": True, "solver": cases.report["solver"]}
+    return Result(scene, cases.displacements[number], cases.tensions[number], scene.load, report)
