@@ -302,3 +302,11 @@ def test_a_motion_prints_its_summary():
 def test_the_case_of_a_history_is_no_name():
     with pytest.raises(TypeError, match=r"a latinpc\.Case, such as one of scene\.cases, not 'gust'"):
         History([0.0, 1.0], [0.0, 1.0], "gust")
+
+
+def test_steps_that_do_not_follow_slack_cables_are_noticed():
+    """All of them converge, and the energy is wrong."""
+    scene, options = make("impact-grid", modules=4, contact="elastic"), {"snes_type": "ksponly", "pc_type": "lu"}
+    moved = move(scene, 5, 1e-3, options)
+    assert moved.converged and any(text.startswith("ksponly makes one linear step") for text in moved.notices)
+    assert not move(scene, 5, 1e-3).notices

@@ -14,7 +14,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results import tables
 from latinpc.results.mechanics import slack
-from latinpc.results.notices import SolveError, errors_as_given
+from latinpc.results.notices import SolveError, errors_as_given, one_step
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.results.solve import attach_linear, gather
 from latinpc.results.summary import summary_of_motion
@@ -317,6 +317,7 @@ def _move(recorder, step, from_equilibrium):
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=solvers.node_classes(snes) if is_latin else None,
         notices=notices
+        + one_step(snes, structure)
         + ([] if acting is not None else _grown(ts, report, structure))
         + ([] if reason > 0 else [_failed(ts, structure)]),
     )
