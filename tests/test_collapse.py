@@ -347,3 +347,11 @@ def test_links_that_yield_bear_what_they_yield_at():
     for factor, solvable in ((1.0, True), (1e-3, True), (0.0, False)):
         result = solve(tabulated(factor))
         assert (result.reason > 0) == solvable
+
+
+def test_other_solvers_that_diverge_say_nothing_of_the_structure():
+    """Nonlinear Richardson without a preconditioner: its residual grows on a structure that stands."""
+    scene = make("lattice")
+    with pytest.warns(latinpc.ConvergenceWarning, match=r"the unbalanced forces grow without end \(DIVERGED_DTOL\)"):
+        found = scene.solve(options={"snes_type": "nrichardson"})
+    assert found.report["reason"] == "DIVERGED_DTOL" and scene.solve().converged

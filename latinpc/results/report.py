@@ -74,6 +74,8 @@ def in_words(report: dict) -> str:
     words = _WORDS.get(name.split(" ")[0])
     if name == "DIVERGED_DTOL" and report.get("load_factor") is not None:
         words = "no stable equilibrium follows"
+    elif name == "DIVERGED_DTOL" and report["solver"].split(" ")[0] != "latin":  # it asks for residuals alone
+        words = "the unbalanced forces grow without end"
     return f"{words} ({name})" if words and name.startswith("DIVERGED") else words or name
 
 
