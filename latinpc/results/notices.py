@@ -119,9 +119,11 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
 
 def one_step(snes: PETSc.SNES, structure: Structure) -> list[str]:
     """Return a sentence on a solver that makes one linear step, where links may slacken."""
-    if snes.getType() != "ksponly" or (structure.law == Law.BAR).all():
+    if not snes.getType().startswith("ksp") or (structure.law == Law.BAR).all():
         return []
-    return ["ksponly makes one linear step: it does not follow cables and compression-only links that slacken"]
+    return [
+        f"{snes.getType()} makes one linear step: it does not follow cables and compression-only links that slacken"
+    ]
 
 
 def _given_up(snes):
@@ -421,7 +423,7 @@ def magnitudes(result: Result) -> list[str]:
     left = max(result.balance.force, result.balance.moment)
     if left > UNBALANCED:
         cure = ": take a smaller error, or no preset"
-        if result.report["solver"].startswith("ksponly"):  # of which `one_step` says more where links slacken
+        if result.report["solver"].startswith("ksp"):  # of which `one_step` says more where links slacken
             cure = "" if over.largest((result.structure.law != Law.BAR).any()) else ": take a smaller -ksp_rtol"
         notices.append(f"reactions do not balance the loads, by {100 * left:.2g} % of them{cure}")
     return notices
