@@ -15,7 +15,7 @@ from test_files import MSH, TOML
 
 import latinpc
 from latinpc.bench import paper_figures
-from latinpc.results import drawing, look, pictures, symbols
+from latinpc.results import drawing, look, modepictures, pictures, symbols
 from latinpc.results.drawing import STAMP_COLOUR, SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
 from latinpc.results.look import SLACK_COLOUR, Scale
@@ -467,3 +467,14 @@ def test_names_with_dollars_are_drawn_as_they_are(tmp_path):
         thing.plot().savefig(tmp_path / "a.png")
     modes.animate(tmp_path / "a.gif")
     draw_motion(move(scene, 1), tmp_path / "a.gif")
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_the_link_that_moves_most_has_the_colour_of_the_key():
+    """One end of every link that moves is held: the mean of both ends is half of the most."""
+    pytest.importorskip("slepc4py")
+    fan = {"nodes": [[-1, 0], [0, 0], [1, 0], [0, 1]], "links": [[0, 3], [1, 3], [2, 3]], "law": "bar", "EA": 1e6}
+    modes = latinpc.Structure(**fan, fixed=[[1, 1], [1, 1], [1, 1], [0, 0]], mass=1.0).solve().modes(1)
+    found = [lines.get_colors() for lines in modes.plot().axes[0].collections]
+    bright = matplotlib.colormaps[modepictures.COLOURS](modepictures.BRIGHTEST)
+    assert any(np.allclose(colours, bright, atol=0.01) for colours in found)

@@ -96,6 +96,7 @@ def _panel(figure, rectangle, modes, mode, amplitude):
     axes.set_axis_off()
     thin = float(np.clip(30.0 / np.sqrt(len(links)), 0.3, 1.3))
     loose = slack(structure, modes.tensions)
-    colours = matplotlib.colormaps[COLOURS](BRIGHTEST * size[links].mean(axis=1))
+    most = size[links].mean(axis=1)
+    colours = matplotlib.colormaps[COLOURS](BRIGHTEST * most / max(most.max(), np.finfo(float).tiny))
     draw_links(axes, state[links], [GHOST_COLOUR], 0.5 * thin, zorder=1)
     draw_links(axes, moved[links], colours, np.where(loose, 0.5, 1.0) * thin)
