@@ -205,6 +205,26 @@ def test_nodes_and_members_are_named_as_groups_are(tmp_path):
     assert scene.load.tolist() == [[50, 0], [0, 0], [0, 0], [0, -3e3]]
 
 
+def test_a_member_is_an_exception_of_its_group(tmp_path):
+    """In any order, of options and in TOML files."""
+    named(tmp_path)
+    length = np.sqrt([2, 2, 5, 5])
+    for stiff in ({"members": 4e6, "tie": 1e6}, {"tie": 1e6, "members": 4e6}):
+        scene = latinpc.read(tmp_path, EA=stiff, support="y=min", load="x=50:7")
+        assert scene.stiffness * length == pytest.approx([4e6, 1e6, 4e6, 4e6])
+    scene = latinpc.read(
+        tmp_path, EA=stiff, law={"members": "cable"}, prestress={"post": 2e3}, support="y=min", load="x=50:7"
+    )
+    assert (scene.law == Law.CABLE).all()  # what the member has no option of is that of its group
+    assert scene.stiffness * scene.initial_elongation == pytest.approx([2e3, 0.0, 0.0, 0.0])
+    tie = '[laws.tie]\nlaw = "cable"\nEA = 1e6\n'
+    for text in (NAMED + tie, tie + NAMED):
+        (tmp_path / "members.toml").write_text(text)
+        scene = latinpc.read(tmp_path)
+        assert scene.stiffness * length == pytest.approx([4e6, 1e6, 4e6, 4e6])
+        assert scene.law.tolist() == [Law.BAR, Law.CABLE, Law.BAR, Law.BAR]
+
+
 @pytest.mark.parametrize(("given", "said"), [
     ({"support": "8"}, "--support 8: '8' chooses no nodes; write a group or a node of the file"),
     ({"support": "alone"}, "'alone' chooses no nodes"),

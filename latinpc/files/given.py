@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from latinpc.laws import RIGID, Law
 
 from .description import number
@@ -41,21 +43,28 @@ class Given:
         """Return the groups that options name, and None, for all other lines."""
         return [*sorted({**self.law, **self.EA, **self.prestress}.keys() - {None}), None]
 
+    def named(self, which):
+        """Return the group of which a line takes each option, None for all lines; `which` counts the combinations."""
+        groups = self.groups()
+        return {
+            key: groups[i] for key, i in zip(ALIKE, np.unravel_index(which, len(ALIKE) * [len(groups)]), strict=True)
+        }
+
     @staticmethod
     def rigid(kind):
         """Return whether a law takes neither EA nor prestress."""
         return kind in ["table", *(law.name.lower() for law in RIGID)]
 
-    def completed(self, entries, group, law):
-        """Return the law of lines of a group, with what a file leaves out of it; note what options give.
+    def completed(self, entries, named, law):
+        """Return the law of lines with what a file leaves out of it, by the options of `named`; note what they give.
 
         Laws that take none are left out of what is for all lines. `law` is the default, None without any.
         """
         found = {"law": law} | entries if law else dict(entries)
         for key, alike in ALIKE.items():
             values = getattr(self, key)
-            of = group if group in values else None
-            useless = key != "law" and of is None and (entries or group) and self.rigid(found.get("law"))
+            of = named[key]
+            useless = key != "law" and of is None and (entries or any(named.values())) and self.rigid(found.get("law"))
             if of in values and not useless and not entries.keys() & set(alike):
                 found[key] = values[of]
                 self.taken.add((key, of))

@@ -26,6 +26,10 @@ class Groups(dict):
     def __missing__(self, name):
         return np.array([self._numbers()[name]])
 
+    def single(self, name):
+        """Return whether a name is that of a single node or line, an exception of its groups."""
+        return not super().__contains__(name)
+
     def _numbers(self):
         """Return the numbers of the names, made when they are first asked for."""
         if self._number is None:

@@ -82,7 +82,7 @@ from latinpc.scenes.scene import Scene
 
 from .cases import read_cases
 from .description import number, read_description, read_loads, read_masses, read_supports, read_velocities
-from .given import Given, add_options, by_group, in_space
+from .given import ALIKE, Given, add_options, by_group, in_space
 from .groups import Groups
 from .linklaws import read_laws
 from .selection import AXES
@@ -256,17 +256,12 @@ def _beside(path):
 
 def _assignments(settings, description, lines, given):
     """Return the laws of all lines: of the file, of the TOML file, of options, in this order."""
-    groups, found = given.groups(), []
-    number = np.full(len(lines.ends), len(groups) - 1)
-    for index, group in reversed(list(enumerate(groups[:-1]))):
-        if group not in lines.groups:
-            raise ValueError(f"{OPTIONS}: no line or group of lines is '{group}'{nearest(group, lines.groups)}")
-        _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
-        number[lines.groups[group]] = index
+    found, options_of = [], _options_of(lines, given)
     for where, chosen, entries, law in _of_files(settings, description, lines):
-        for index in np.unique(number[chosen]):
-            group, part = groups[index], chosen[number[chosen] == index]
-            options, full = OPTIONS + (f" of '{group}'" if group else ""), given.completed(entries, group, law)
+        for which in np.unique(options_of[chosen]):
+            part, named = chosen[options_of[chosen] == which], given.named(which)
+            group = next(filter(None, named.values()), "")
+            options, full = OPTIONS + (f" of '{group}'" if group else ""), given.completed(entries, named, law)
             if not where and "EA" not in full and not given.rigid(full["law"]):
                 without = [name for name, lines_of in lines.groups.items() if np.isin(part, lines_of).any()]
                 cure = f"write [laws.{without[0]}]" if without else "put every line in a group"
@@ -283,6 +278,22 @@ def _assignments(settings, description, lines, given):
             f"{more}"
         )
     return found
+
+
+def _options_of(lines, given):
+    """Return which options each line takes, for `Given.named`: of its name, else of its group, else of all lines."""
+    groups = given.groups()
+    for group in groups[:-1]:
+        if group not in lines.groups:
+            raise ValueError(f"{OPTIONS}: no line or group of lines is '{group}'{nearest(group, lines.groups)}")
+        _refuse_empty(f"{OPTIONS} of '{group}'", lines, group)
+    singles_last = sorted(enumerate(groups[:-1]), key=lambda one: (lines.groups.single(one[1]), -one[0]))
+    number = np.full((len(ALIKE), len(lines.ends)), len(groups) - 1)
+    for key, row in zip(ALIKE, number, strict=True):
+        for index, group in singles_last:
+            if group in getattr(given, key):
+                row[lines.groups[group]] = index
+    return np.ravel_multi_index(number, len(ALIKE) * [len(groups)])
 
 
 def _of_files(settings, description, lines):
@@ -304,12 +315,13 @@ def _of_files(settings, description, lines):
 def _tables_of_lines(tables, lines, description):
     """Return which table of laws of the TOML file each line has, -1 without one."""
     table = np.full(len(lines.ends), -1)
-    for index, (group, _) in enumerate(tables):
-        where = f"{description}: [laws.{group}]"
+    singles_last = sorted(enumerate(tables), key=lambda one: lines.groups.single(one[1][0]))
+    for index, (group, _) in singles_last:
+        where, single = f"{description}: [laws.{group}]", lines.groups.single(group)
         if group not in lines.groups:
             raise ValueError(f"{where}: no line or group of lines has this name{nearest(group, lines.groups)}")
         _refuse_empty(where, lines, group)
-        if (table[lines.groups[group]] >= 0).any():
+        if (table[lines.groups[group]] >= 0).any() and not single:
             raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
         table[lines.groups[group]] = index
     return table
