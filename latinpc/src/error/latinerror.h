@@ -193,7 +193,6 @@ typedef struct {
   PetscInt  link;        /* number of its normal part */
   PetscReal S[3], dS[3]; /* rate of slip or opening, minus the tangential elongations */
   PetscReal rhs;         /* right-hand side of X.S */
-  PetscReal push;        /* opening by slip, while pushes settle */
   PetscReal inverse[4], tangent[9];
 } LatinSlip;
 
@@ -218,9 +217,9 @@ typedef struct {
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
   PetscInt       remedies; /* remedies used in snes/coulomb.c; odd: a lift was the last */
-  PetscBool      settles;  /* pushes of contacts settle */
-  PetscReal      aim;      /* target of the mean product while pushes settle */
-  PetscReal      change;   /* relative change of the pushes by the last step */
+  PetscReal      damping;  /* of a drift, 0: none; A gets this part of firmness */
+  Vec            firmness; /* diagonal of A with the search parameters; NULL without friction */
+  PetscReal      aim;      /* target of the mean product of a drift */
   PetscReal     *x, *dx;   /* [n] elongations, their steps */
   PetscReal     *t, *dt;   /* [n] tensions */
   PetscReal     *w, *rhs;  /* [n] weights of links; work */
@@ -253,16 +252,10 @@ static inline PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
   return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1 && !LatinPrimalDualOpen(c, l));
 }
 
-/* Whether link l is the normal part of a contact that is one cone, as while pushes settle */
-static inline PetscBool LatinSlipWhole(const LatinPrimalDual *c, PetscInt l)
-{
-  return (PetscBool)(c->settles && LatinSlipMay(c, l));
-}
-
-/* Returns the bound on a side of link l. NULL: none there, the tension is constant, or it is that of a cone */
+/* Returns the bound on a side of link l. NULL: none there, or the tension is constant */
 static inline LatinBound *LatinBoundAt(const LatinPrimalDual *c, PetscInt l, PetscInt side)
 {
-  return LatinSlipWhole(c, l) || PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
+  return PetscIsInfReal(c->side[l][side].bound) || c->side[l][0].bound == c->side[l][1].bound ? NULL : &c->side[l][side];
 }
 
 PETSC_INTERN PetscErrorCode LatinPrimalDualCreate_Private(LatinPrimalDual *, Vec more);
@@ -274,13 +267,12 @@ PETSC_INTERN PetscErrorCode LatinPrimalDualMean_Private(const LatinPrimalDual *,
 PETSC_INTERN PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsStart(LatinPrimalDual *);
-PETSC_INTERN void           LatinSlipsSettle(LatinPrimalDual *, PetscBool settles);
 PETSC_INTERN void           LatinSlipsWeights(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsBegin(LatinPrimalDual *, PetscBool corrects, PetscReal mean, PetscReal step[]);
 PETSC_INTERN void           LatinSlipsEnd(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsLength(const LatinPrimalDual *, PetscReal *length);
 PETSC_INTERN PetscReal      LatinSlipsProducts(const LatinPrimalDual *, PetscReal length);
-PETSC_INTERN PetscErrorCode LatinSlipsMove_Private(LatinPrimalDual *);
+PETSC_INTERN void           LatinSlipsMove(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *, Mat);
 
 /* Active-set method of error/cone.c: n unknowns, a basis of links */

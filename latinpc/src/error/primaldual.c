@@ -65,6 +65,7 @@ PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *c)
   const DM dm = c->structure->dm;
 
   PetscFunctionBegin;
+  PetscCall(VecDestroy(&c->firmness));
   PetscCall(DMRestoreGlobalVector(dm, &c->dd));
   PetscCall(DMRestoreGlobalVector(dm, &c->r));
   PetscCall(DMRestoreGlobalVector(dm, &c->d));
@@ -92,7 +93,7 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* Adds to the diagonal of A its rounding: grains held only by each other have no other stiffness near a solution. Collective */
+/* Adds to the diagonal of A its rounding, for grains held only by each other have no other stiffness near a solution, and damping. Collective */
 static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
 {
   Vec diagonal;
@@ -101,6 +102,7 @@ static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
   PetscCall(DMGetGlobalVector(c->structure->dm, &diagonal));
   PetscCall(MatGetDiagonal(c->A, diagonal));
   PetscCall(VecScale(diagonal, LATIN_MECHANISM));
+  if (c->damping > 0.0) PetscCall(VecAXPY(diagonal, c->damping, c->firmness));
   PetscCall(MatDiagonalSet(c->A, diagonal, ADD_VALUES));
   PetscCall(DMRestoreGlobalVector(c->structure->dm, &diagonal));
   PetscFunctionReturn(0);
@@ -221,15 +223,15 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
     PetscReal give = c->give[l] + c->regularisation;
 
     for (PetscInt i = 0; i < 2; i++) give += LatinBoundAt(c, l, i) ? c->side[l][i].s / c->side[l][i].y : 0.0;
-    c->w[l] = c->side[l][0].bound == c->side[l][1].bound || LatinSlipWhole(c, l) ? 0.0 : 1.0 / give; /* the tension is constant, or that of a cone */
+    c->w[l] = c->side[l][0].bound == c->side[l][1].bound ? 0.0 : 1.0 / give; /* the tension is constant */
     if (LatinPrimalDualFollows(c, l)) c->w[l] = LatinStructureTangent(c->structure, l, c->x[l]);
   }
   LatinSlipsWeights(c);
 }
 
 /*
-   Computes *aim, the mean product at which the corrector step aims, by the predictor step. While pushes settle it is given, and there is no predictor
-   step. Collective
+   Computes *aim, the mean product at which the corrector step aims, by the predictor step. In a drift it is given, and there is no predictor step.
+   Collective
 */
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
@@ -237,8 +239,8 @@ static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscRe
   PetscReal      length, after;
 
   PetscFunctionBegin;
-  *aim = c->aim;
-  if (c->settles) {
+  *aim = PetscMin(c->mean, c->aim);
+  if (c->damping > 0.0) {
     PetscCall(PetscArrayzero(c->dt, c->n));
     for (PetscInt k = 0; k < 2 * c->n; k++) c->side[k / 2][k % 2].ds = 0.0;
     for (PetscInt k = 0; k < c->slips; k++) PetscCall(PetscArrayzero(c->slip[k].dS, 3));
@@ -292,6 +294,6 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *fai
   }
   c->unbalance *= 1.0 - c->length;
   PetscCall(LatinPrimalDualElongations_Private(c));
-  if (c->structure->has_friction) PetscCall(LatinSlipsMove_Private(c));
+  LatinSlipsMove(c);
   PetscFunctionReturn(0);
 }

@@ -11,16 +11,7 @@
    linearisation, without l, gives the tangential tensions, M dt = h + P dx - z dX_0, and so a tangent stiffness that is not symmetric: the
    friction bound follows the normal tension, and not conversely. The operator is assembled, and its factors are LU. M is regularised as
    normal tensions are. There is no energy: the path to the solution may turn back, and then steps become short.
-
-   While pushes settle (c->settles), a contact is one cone, normal part included. The push, by which slip opens it, is given:
-
-     S = ((x_n + push) / mu, -x),
-
-   The problem is convex then, with associated friction [V. Acary, F. Cadoux, C. Lemarechal, J. Malick]. The push follows
-   mu |x| after each step. Where both are equal, Coulomb's law holds [G. de Saxce, Z.-Q. Feng].
 */
-
-#define LATIN_SLIP_FOLLOWS 0.5 /* part of its change by which a push is updated in a step */
 
 /* Allocates the slips of the contacts of this rank. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
@@ -61,26 +52,10 @@ static void LatinSlipProduct(PetscInt dim, const PetscReal p[], const PetscReal 
   }
 }
 
-/* Replaces p by (S + r X)^-1 o p, r the regularisation */
-static void LatinSlipInverse(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal X[], PetscReal p[])
-{
-  const PetscInt dim  = c->structure->dim;
-  PetscReal      size = 0.0, along = 0.0, m[3] = {0.0, 0.0, 0.0};
-
-  for (PetscInt i = 0; i < dim; i++) m[i] = slip->S[i] + c->regularisation * X[i];
-  for (PetscInt i = 1; i < dim; i++) {
-    size += PetscSqr(m[i]);
-    along += m[i] * p[i];
-  }
-  size = PetscSqrtReal(size);
-  p[0] = (m[0] * p[0] - along) / ((m[0] - size) * (m[0] + size));
-  for (PetscInt i = 1; i < dim; i++) p[i] = (p[i] - m[i] * p[0]) / m[0];
-}
-
-/* Computes the difference of S from its value by the elongations; its first component only while pushes settle */
+/* Computes the difference of the tangential parts of S from their values by the elongations */
 static void LatinSlipMissed(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal missed[3])
 {
-  missed[0] = c->settles ? (c->x[slip->link] + slip->push) / c->structure->friction[slip->link] - slip->S[0] : 0.0;
+  missed[0] = 0.0;
   for (PetscInt i = 1; i < c->structure->dim; i++) missed[i] = -c->x[slip->link + i] - slip->S[i];
 }
 
@@ -93,28 +68,6 @@ void LatinSlipsStart(LatinPrimalDual *c)
     slip->S[0] = LatinSlipSize(c, slip) + c->inside[1];
     for (PetscInt i = 1; i < c->structure->dim; i++) slip->S[i] = -c->x[slip->link + i];
   }
-}
-
-/* Changes from Newton's method to pushes that settle, or back: S takes over from the normal parts, or they from S, equally far inside. Not collective */
-void LatinSlipsSettle(LatinPrimalDual *c, PetscBool settles)
-{
-  for (PetscInt k = 0; k < c->slips; k++) {
-    LatinSlip      *slip = &c->slip[k];
-    LatinBound     *at   = &c->side[slip->link][1];
-    const PetscReal mu   = c->structure->friction[slip->link];
-    PetscReal       size = 0.0;
-
-    if (settles) {
-      slip->push = mu * LatinSlipSize(c, slip);
-      slip->S[0] = (at->s + slip->push) / mu;
-      for (PetscInt i = 1; i < c->structure->dim; i++) slip->S[i] = -c->x[slip->link + i];
-    } else {
-      for (PetscInt i = 1; i < c->structure->dim; i++) size += PetscSqr(slip->S[i]);
-      at->y = -c->t[slip->link];
-      at->s = mu * (slip->S[0] - PetscSqrtReal(size));
-    }
-  }
-  c->settles = settles;
 }
 
 /* Computes P and z of a contact from X and S */
@@ -151,22 +104,6 @@ static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscRea
     }
 }
 
-/* Computes the tangent stiffness of all parts while pushes settle */
-static void LatinSlipTangentWhole(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
-{
-  const PetscInt  dim = c->structure->dim;
-  const PetscReal mu  = c->structure->friction[slip->link];
-
-  for (PetscInt j = 0; j < dim; j++) {
-    PetscReal change[3] = {0.0, 0.0, 0.0}, column[3]; /* change of S with elongation j */
-
-    change[j] = j ? -1.0 : 1.0 / mu;
-    LatinSlipProduct(dim, X, change, column);
-    LatinSlipInverse(c, slip, X, column);
-    for (PetscInt i = 0; i < dim; i++) slip->tangent[dim * i + j] = i ? -column[i] : column[0] / mu;
-  }
-}
-
 /* Computes the tangent stiffnesses, after the weights of the normal parts. Not collective */
 void LatinSlipsWeights(LatinPrimalDual *c)
 {
@@ -174,14 +111,13 @@ void LatinSlipsWeights(LatinPrimalDual *c)
     PetscReal X[3];
 
     LatinSlipTensions(c, &c->slip[k], c->t, X);
-    if (c->settles) LatinSlipTangentWhole(c, &c->slip[k], X);
-    else LatinSlipTangent(c, &c->slip[k], X);
+    LatinSlipTangent(c, &c->slip[k], X);
   }
 }
 
 /*
    Computes the steps of tensions at dx = 0, towards X o S = mean (1, 0), or 0 in a predictor step. corrects: with the second-order term of the last
-   step. step: on entry those of normal parts, unless pushes settle. Not collective
+   step. step: on entry those of normal parts. Not collective
 */
 void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, PetscReal step[])
 {
@@ -198,14 +134,6 @@ void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, Pet
     LatinSlipProduct(dim, dX, slip->dS, second);
     for (PetscInt i = 0; i < dim; i++) left[i] = (corrects && !i ? mean : 0.0) - now[i] - (corrects ? second[i] : 0.0);
     slip->rhs = left[0];
-    if (c->settles) {
-      LatinSlipProduct(dim, X, missed, now);
-      for (PetscInt i = 0; i < dim; i++) left[i] -= now[i];
-      LatinSlipInverse(c, slip, X, left);
-      own[0] = -left[0] / c->structure->friction[slip->link];
-      for (PetscInt i = 1; i < dim; i++) own[i] = left[i];
-      continue;
-    }
     LatinSlipParts(dim, X, slip->S, P, z);
     for (PetscInt i = 0; i < q; i++) {
       left[1 + i] += z[i] * c->structure->friction[slip->link] * own[0] - X[1 + i] * slip->rhs / X[0];
@@ -228,18 +156,15 @@ void LatinSlipsEnd(LatinPrimalDual *c)
     const PetscReal *dx   = c->dx + slip->link;
     PetscReal        X[3], dX[3];
 
-    for (PetscInt i = c->settles ? 0 : 1; i < dim; i++)
+    for (PetscInt i = 1; i < dim; i++)
       for (PetscInt j = 0; j < dim; j++) c->dt[slip->link + i] += slip->tangent[dim * i + j] * dx[j];
     LatinSlipTensions(c, slip, c->t, X);
     LatinSlipTensions(c, slip, c->dt, dX);
     LatinSlipMissed(c, slip, slip->dS);
     for (PetscInt i = 1; i < dim; i++) slip->dS[i] += c->regularisation * dX[i] - dx[i];
-    if (c->settles) slip->dS[0] += c->regularisation * dX[0] + dx[0] / c->structure->friction[slip->link];
-    else {
-      slip->dS[0] = slip->rhs - slip->S[0] * dX[0];
-      for (PetscInt i = 1; i < dim; i++) slip->dS[0] -= slip->S[i] * dX[i] + X[i] * slip->dS[i];
-      slip->dS[0] /= X[0];
-    }
+    slip->dS[0] = slip->rhs - slip->S[0] * dX[0];
+    for (PetscInt i = 1; i < dim; i++) slip->dS[0] -= slip->S[i] * dX[i] + X[i] * slip->dS[i];
+    slip->dS[0] /= X[0];
   }
 }
 
@@ -289,25 +214,11 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
   return sum;
 }
 
-/* Takes the step of S. Pushes that settle then follow the elongations. c->change: their relative change. Collective */
-PetscErrorCode LatinSlipsMove_Private(LatinPrimalDual *c)
+/* Takes the step of S. Not collective */
+void LatinSlipsMove(LatinPrimalDual *c)
 {
-  PetscReal sum[2] = {0.0, 0.0};
-
-  PetscFunctionBegin;
-  for (PetscInt k = 0; k < c->slips; k++) {
-    LatinSlip *slip = &c->slip[k];
-    PetscReal  push;
-
-    for (PetscInt i = 0; i < c->structure->dim; i++) slip->S[i] += c->length * slip->dS[i];
-    push = c->structure->friction[slip->link] * LatinSlipSize(c, slip);
-    sum[0] += PetscSqr(push - slip->push);
-    sum[1] += PetscSqr(push);
-    slip->push += LATIN_SLIP_FOLLOWS * (push - slip->push);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
-  c->change = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
-  PetscFunctionReturn(0);
+  for (PetscInt k = 0; k < c->slips; k++)
+    for (PetscInt i = 0; i < c->structure->dim; i++) c->slip[k].S[i] += c->length * c->slip[k].dS[i];
 }
 
 /* Adds the tangent stiffnesses of contacts to a matrix that is not assembled yet. Not collective */
@@ -317,7 +228,7 @@ PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *c, Mat A)
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < c->slips; k++)
-    for (PetscInt i = c->settles ? 0 : 1; i < dim; i++)
+    for (PetscInt i = 1; i < dim; i++)
       for (PetscInt j = 0; j < dim; j++) PetscCall(LatinStructureAddLinks_Private(c->structure, c->slip[k].link + i, c->slip[k].link + j, c->slip[k].tangent[dim * i + j], A));
   PetscFunctionReturn(0);
 }

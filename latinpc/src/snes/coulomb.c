@@ -4,21 +4,25 @@
    Contacts with Coulomb friction, by the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the solution may
    turn back, most often with much friction: then Newton steps become short. Two remedies take turns (LatinCoulombNext_Private):
 
-   1. Lift: the iterate moves farther inside, from where another path may lead to a solution. Helps structures with few contacts.
-   2. Settling: the pushes of the contacts converge at a constant mean product, by a fixed point whose steps are those of a convex problem; then the
-      mean product is reduced, and Newton's method continues. Helps dense packings.
+   1. Lift: the iterate moves farther inside, from where another path may lead to a solution.
+   2. Drift: beyond the turning point, at a smaller mean product, forces are not in balance, and grains slide on as in a damped motion, until they find
+      another equilibrium. A step of Newton's method with damping times firmness on the diagonal of A is one of that motion; damping falls as steps
+      become long.
 
    Both may fail.
 */
 
-#define LATIN_COULOMB_STEPS     200                           /* most steps */
-#define LATIN_COULOMB_SHORT     0.1                           /* steps of Newton's method shorter than this are short */
+#define LATIN_COULOMB_STEPS     1000                          /* most steps */
+#define LATIN_COULOMB_SHORT     0.1                           /* steps shorter than this are short, */
+#define LATIN_COULOMB_LONG      0.5                           /* and longer than this long */
 #define LATIN_COULOMB_PATIENCE  3                             /* successive short steps that show that the path turns back */
 #define LATIN_COULOMB_LIFT      1e3                           /* growth of the mean product by a lift */
-#define LATIN_COULOMB_LONG      0.5                           /* pushes may have settled after a step of at least this length, */
-#define LATIN_COULOMB_SETTLED   0.1                           /* if they change by less than this, relative */
-#define LATIN_COULOMB_REDUCED   0.1                           /* factor on the mean product after that; same factor at which Newton's method goes on */
-#define LATIN_COULOMB_SETTLES   20                            /* most steps for pushes to settle */
+#define LATIN_COULOMB_BEYOND    0.3                           /* factor on the mean product for a drift */
+#define LATIN_COULOMB_DAMPING   1e-5                          /* damping at first */
+#define LATIN_COULOMB_GROWS     4.0                           /* growth of the damping after a short step, */
+#define LATIN_COULOMB_FALLS     0.5                           /* and factor after a long one */
+#define LATIN_COULOMB_REST      1e-8                          /* damping that is none: the drift has come to rest */
+#define LATIN_COULOMB_DRIFTS    60                            /* most steps of a drift */
 #define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions: the first and refinement */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without force */
 #define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep: displacements change while tensions are constant */
@@ -27,8 +31,8 @@
 
 /* State of a run */
 typedef struct {
-  PetscReal first, goal;   /* mean products: at the initial point; at which Newton's method continues */
-  PetscInt  count, creeps; /* short steps, or steps of settling; steps that only creep */
+  PetscReal first;         /* mean product at the initial point */
+  PetscInt  count, creeps; /* short steps, or steps of a drift; steps that only creep */
 } LatinCoulomb;
 
 /* Creates the assembled operator and its LU factors, prefix -snes_latin_friction_. Collective on snes */
@@ -87,12 +91,11 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_NEWTON_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
-  if ((!c->settles || c->change <= newton->target) && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target)
-    *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
+  if (c->damping == 0.0 && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
-  PetscCall(PetscInfo(c->structure, "%s length %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g, pushes by %g\n", c->settles ? "settles," : "Newton,", (double)c->length, (double)left, (double)unbalance,
-                      (double)most, (double)newton->error, (double)newton->tensions, (double)c->change));
+  PetscCall(PetscInfo(c->structure, "length %g, damping %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)c->damping, (double)left, (double)unbalance, (double)most,
+                      (double)newton->error, (double)newton->tensions));
   PetscFunctionReturn(0);
 }
 
@@ -114,25 +117,33 @@ static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal par
   PetscFunctionReturn(0);
 }
 
+/* Changes the damping after a step of a drift, and ends the drift if it has come to rest, or after too many steps. Not collective */
+static void LatinCoulombDrift(LatinPrimalDual *c, LatinCoulomb *run)
+{
+  const PetscBool rests = (PetscBool)(c->damping <= LATIN_COULOMB_REST && c->length > LATIN_COULOMB_LONG);
+
+  if (c->length < LATIN_COULOMB_SHORT) c->damping *= LATIN_COULOMB_GROWS;
+  else if (c->length > LATIN_COULOMB_LONG) c->damping *= LATIN_COULOMB_FALLS;
+  if (!rests && ++run->count <= LATIN_COULOMB_DRIFTS) return;
+  c->damping = 0.0;
+  run->count = rests ? 0 : LATIN_COULOMB_PATIENCE - 1; /* without rest the first step must be long */
+}
+
 /* Decides after a step: Newton's method continues, or a remedy begins or ends. Collective */
 static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb *run)
 {
-  const PetscBool settled = (PetscBool)(c->length > LATIN_COULOMB_LONG && c->change < LATIN_COULOMB_SETTLED);
-
   PetscFunctionBegin;
-  if (c->settles && ((settled && c->mean <= run->goal) || ++run->count > LATIN_COULOMB_SETTLES)) {
-    LatinSlipsSettle(c, PETSC_FALSE);
-    run->count = LATIN_COULOMB_PATIENCE - 1; /* the first step must be long */
-  } else if (c->settles) {
-    c->aim = (settled ? LATIN_COULOMB_REDUCED : 1.0) * c->mean;
-  } else {
-    run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
-    if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
-    run->count = 0;
-    if (++c->remedies % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
-    else LatinSlipsSettle(c, PETSC_TRUE);
-    c->aim    = c->mean;
-    run->goal = LATIN_COULOMB_REDUCED * c->mean;
+  if (c->damping > 0.0) {
+    LatinCoulombDrift(c, run);
+    PetscFunctionReturn(0);
+  }
+  run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
+  if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
+  run->count = 0;
+  if (++c->remedies % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
+  else {
+    c->damping = LATIN_COULOMB_DAMPING;
+    c->aim     = LATIN_COULOMB_BEYOND * c->mean;
   }
   PetscFunctionReturn(0);
 }
@@ -148,6 +159,8 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
   PetscCall(LatinConvexWeights_Private(c, newton->latin->sub.link_stiffness, &firm));
   c->floor = LATIN_COULOMB_FLOOR * firm;
   PetscCall(LatinConvexStart_Private(c, &failed));
+  PetscCall(DMCreateGlobalVector(c->structure->dm, &c->firmness));
+  PetscCall(MatGetDiagonal(c->A, c->firmness));
   run.first = c->mean;
   for (PetscInt k = 0; k < LATIN_COULOMB_STEPS && !failed && !*done && c->stages < newton->limit - newton->stages; k++) {
     PetscCall(LatinPrimalDualIterate_Private(c, &failed));
@@ -170,7 +183,6 @@ static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscRea
 
     open = (PetscBool)(open || (at && at->y < stiffness * at->s));
   }
-  if (LatinSlipWhole(c, l)) open = (PetscBool)(-c->t[l] < stiffness * c->x[l]);
   return open;
 }
 
