@@ -108,7 +108,7 @@ def test_supports_that_jam_a_row_are_told(law):
         assert (
             f"gaps of the rigid links {', '.join(map(str, range(0, parts * (n - 1), parts)))} are incompatible" in said
         )
-        assert it.iterations < 1000
+        assert it.iterations < 2500  # those of the interior-point method, and of a search for the gaps
         assert latinpc.jammed_links(it.ts.getSNES()) == (n - 1, list(range(0, parts * (n - 1), parts)))
 
 
