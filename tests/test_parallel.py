@@ -277,7 +277,7 @@ for name, change in changes.items():
     except ValueError as error:
         assert f"ranks differ in {name}: " in str(error), error
         print("refused")
-last, lost = PETSc.COMM_WORLD.size - 1, np.where(rank, np.nan, 1.0)  # one rank alone has what no structure may have
+lost = np.where(rank, np.nan, 1.0)  # one rank alone has what no structure may have
 wrong = {
     "finite": lambda: structure.set_load(np.full(same.load.shape, lost)),
     "mass": lambda: structure.set_mass(-float(rank)),
