@@ -236,6 +236,15 @@ def test_names_that_no_node_or_member_has(given, said, tmp_path):
         latinpc.read(tmp_path, **{"EA": 1e6, "support": "y=min", "load": "x=1"} | given)
 
 
+def test_a_name_that_two_members_have_chooses_none(tmp_path):
+    """A member without a name has the number of its row, which another may have as its name."""
+    named(tmp_path)
+    members = (tmp_path / "members.csv").read_text().replace("post,", "3,")
+    (tmp_path / "members.csv").write_text(members)
+    with pytest.raises(ValueError, match="'3' is the name of 2 nodes or members: give them other names, or groups"):
+        latinpc.read(tmp_path, EA={"3": 1e6, None: 4e6}, support="y=min", load="x=1")
+
+
 MATERIALS = [
     ("Elastic 1 2.1e11 0.0 0.0", Law.CABLE, 0.0),
     ("ENT 1 2.1e11", Law.COMPRESSION_ONLY, 0.0),

@@ -24,15 +24,20 @@ class Groups(dict):
         return super().__contains__(name) or name in self._numbers()
 
     def __missing__(self, name):
-        return np.array([self._numbers()[name]])
+        found = self._numbers()[name]
+        if len(found) > 1:  # such as a member without a name, which has that of its row
+            raise ValueError(f"'{name}' is the name of {len(found)} nodes or members: give them other names, or groups")
+        return np.array(found)
 
     def single(self, name):
         """Return whether a name is that of a single node or line, an exception of its groups."""
         return not super().__contains__(name)
 
     def _numbers(self):
-        """Return the numbers of the names, made when they are first asked for."""
+        """Return the numbers of each name, found when they are first asked for."""
         if self._number is None:
-            self._number = {str(name): number for number, name in enumerate(self._names)}
+            self._number = {}
+            for number, name in enumerate(map(str, self._names)):
+                self._number.setdefault(name, []).append(number)
             self._number.pop("", None)
         return self._number
