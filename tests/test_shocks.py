@@ -11,8 +11,10 @@ from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one
 from random_motions import step_errors
 from support import grid, logged
 
+import latinpc
 from latinpc.bench.extremes.drawn import draw
 from latinpc.bench.extremes.rating import judge
+from latinpc.runs.motion import move
 from latinpc.scenes import Law, Scene, make
 
 G = 9.81
@@ -383,3 +385,51 @@ def test_grains_with_friction_come_to_rest():
             assert it.energy <= energy + 1e-9
             energy = it.energy
         assert np.median(np.abs(it.v)) < 1e-9
+
+
+@pytest.mark.parametrize("h", [1e-2, 1.0])
+def test_elastic_grains_at_rest_stay(h):
+    """Links without tension slacken and tauten by rounding, and Newton's method followed: the step was refused."""
+    packing = make("packing", law="elastic", side=6, seed=2)
+    mass = np.where(packing.fixed.all(axis=1), 0.0, 1.0)
+    still = move(replace(packing, mass=mass), 6, h, from_equilibrium=True, every=1)
+    assert still.converged
+    assert max(np.abs(frame.velocities).max() for frame in still.frames) < 1e-9 * h * np.abs(packing.load).max()
+    first, last = (still.frames[k].tensions for k in (0, -1))
+    assert np.abs(last - first).max() < 1e-9 * np.abs(first).max()
+
+
+def test_light_balls_start_beside_elastic_grains_at_rest():
+    """Balls of 1 mg on soft springs, pulled by 1 nN: implicit Euler written out, beside grains that bear kN."""
+    packing, row, h, k, m, pull = make("packing", law="elastic", side=6, seed=2), np.arange(4), 0.01, 1e-2, 1e-6, 1e-9
+    n, held = len(packing.nodes), np.repeat(row[:, None] == 0, 2, axis=1)
+    springs = np.tile(np.column_stack([row[:-1], row[1:]]), (2, 1))
+    scene = replace(
+        packing,
+        nodes=np.vstack([packing.nodes, np.column_stack([row, 0 * row - 50.0])]),
+        links=np.vstack([packing.links, n + springs]),
+        law=np.append(packing.law, np.full(6, Law.BAR)),
+        stiffness=np.append(packing.stiffness, np.full(6, k)),
+        initial_elongation=np.append(packing.initial_elongation, np.zeros(6)),
+        direction=np.vstack([packing.directions, np.repeat(np.eye(2), 3, axis=0)]),
+        fixed=np.vstack([packing.fixed, held]),
+        prescribed=np.vstack([packing.prescribed, np.zeros((4, 2))]),
+        load=np.vstack([packing.load, np.zeros((4, 2))]),
+        subdomain=None,
+        mass=np.append(np.where(packing.fixed.all(axis=1), 0.0, 1e3), np.where(held[:, 0], 0.0, m)),
+    )
+    with pytest.warns(latinpc.LatinWarning, match="free in some direction"):
+        start = packing.solve().displacements
+    stiffness = k * (2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
+    stiffness[-1, -1] = k
+    u = v = np.zeros(3)
+    with motion(scene, h, displacement=np.vstack([start, np.zeros((4, 2))])) as it:
+        it.step(2)
+        load = scene.load.copy()
+        load[-1, 0] = pull
+        it.structure.set_load(load)
+        for _ in range(6):
+            v = np.linalg.solve(m * np.eye(3) + h**2 * stiffness, m * v + h * (load[n + 1 :, 0] - stiffness @ u))
+            u = u + h * v
+            it.step()
+            assert it.v[n + 1 :, 0] == pytest.approx(v, rel=1e-6)

@@ -13,7 +13,8 @@
    - gaps: a closed rigid link that misses its gap by g has an error of u of at least g / sqrt(2);
    - rest: a motion that comes to rest has no displacements as a measure. Masses only stiffen the nodes, so D^-1 bounds the displacements due to
      rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their weight, and in the l2 norm, and that of
-     missed gaps, the step is accurate to rounding (`at_rest`);
+     missed gaps, the step is accurate to rounding (`at_rest`). Masses that no link holds are softer than D: elastic structures are at rest as well if
+     inertia and tensions of u are rounding of the forces, to the target error, and r is at each node;
    - unheld nodes: if the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
    - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and loads, independent of units
      and stiffnesses.
@@ -40,6 +41,7 @@ typedef struct {
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding, of r, of the loads, of the tensions at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
   PetscReal along, blur;                  /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
+  PetscReal shown;                        /* number of components of r beyond LATIN_FORCE_FACTOR times rounding */
   PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
@@ -173,6 +175,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->left += left * left;
   sum->hidden += noise * noise;
   sum->all += PetscSqr(at->r[c]);
+  sum->shown += PetscAbsReal(at->r[c]) > LATIN_FORCE_FACTOR * noise ? 1.0 : 0.0;
   sum->load += PetscSqr(at->load[c]);
   sum->bearing += c ? 0.0 : PetscSqr(PetscMax(at->bearing, rounding * at->stiffness[c])); /* at least rounding, as no link may bear */
   if (stiff > 0.0) {
@@ -284,6 +287,14 @@ static PetscBool LatinJudgeRests(const LatinNodalJudge *judge, PetscReal target)
   return (PetscBool)(PetscSqr(target) * sum->u[0] <= sum->hides[0] && PetscSqr(target) * sum->u[1] <= sum->hides[1] && 0.5 * PetscSqr(target * judge->links.gap) <= sum->hides[1]);
 }
 
+/* Whether an elastic motion is at rest: the forces of its displacements are rounding, and the unbalance is at each node */
+static PetscBool LatinJudgeIdles(const LatinNodalJudge *judge, PetscReal target)
+{
+  const LatinStructure structure = judge->links.latin->sub.structure;
+
+  return (PetscBool)(structure->ground && structure->rigid_law < 0 && judge->sum.shown == 0.0 && PetscSqr(target) * judge->sum.stiff[3] <= judge->sum.hidden);
+}
+
 /* Sets the unbalance and its rounding, relative to the loads or the tensions. far: u is larger than the structure. Collective on structure */
 static PetscErrorCode LatinJudgeForces_Private(LatinStructure structure, const LatinNodalSums *sum, PetscBool far, LatinEquilibrium *found)
 {
@@ -324,20 +335,21 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
   LatinNodalSums      *sum       = &judge.sum;
   PetscReal            size, missed, works;
-  PetscBool            far;
+  PetscBool            far, idles;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
   PetscCall(LatinJudgeSums_Private(latin, u, r, more, target, &judge, found));
   PetscCall(VecNorm(u, NORM_2, &size));
-  found->at_rest = LatinJudgeRests(&judge, target);
+  idles          = LatinJudgeIdles(&judge, target);
+  found->at_rest = (PetscBool)(idles || LatinJudgeRests(&judge, target));
   PetscCall(LatinGapError_Private(&judge.links, u, size, target, found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   /* the unbalance moves it by less than rounding */
-  if (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum->error <= sum->hides[energy ? 0 : 1]) sum->error = 0.0;
+  if (idles || (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum->error <= sum->hides[energy ? 0 : 1])) sum->error = 0.0;
   found->balanced = (PetscBool)(sum->error == 0.0);
   PetscCall(LatinJudgeForces_Private(structure, sum, far, found));
-  LatinJudgeError(&judge, size, found);
+  if (!idles) LatinJudgeError(&judge, size, found);
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);

@@ -116,7 +116,7 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionBegin;
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
-    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
+    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced && (!doubtful || found.error <= newton->target));
     /* doubtful: a node with a small load may depend on slack links only */
     *claims = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!doubtful || found.balanced));
   }
@@ -173,6 +173,28 @@ static PetscErrorCode LatinNewtonMeasure_Private(SNES snes, PetscReal xnorm, Pet
   PetscFunctionReturn(0);
 }
 
+/*
+   Returns in *rests whether a step of Newton's method and the unbalance after it are rounding beside the tensions of a time step. Links without tension
+   then slacken and tauten by rounding, in each step others. Collective on snes
+*/
+static PetscErrorCode LatinNewtonRests_Private(SNES snes, PetscReal fnorm, Vec u, const LatinNewton *newton, PetscBool *rests)
+{
+  const LatinStructure structure = newton->structure;
+  PetscReal            sum       = 0.0, *tension;
+  Vec                  step;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(SNESGetSolutionUpdate(snes, &step));
+  PetscCall(LatinStepRests_Private(structure, step, PetscSqrtReal(sum), rests));
+  *rests = (PetscBool)(*rests && fnorm <= LATIN_NEWTON_REST * PetscSqrtReal(sum));
+  PetscFunctionReturn(0);
+}
+
 /* Claims that step `it` has converged, or that rounding allows no more, and has the claims checked. Collective on snes */
 static PetscErrorCode LatinNewtonClaims_Private(SNES snes, PetscInt it, PetscReal fnorm, Vec u, LatinNewton *newton, LatinSeen *seen)
 {
@@ -180,9 +202,11 @@ static PetscErrorCode LatinNewtonClaims_Private(SNES snes, PetscInt it, PetscRea
   const PetscBool fixed   = (PetscBool)(!seen->changes && !newton->changes && !seen->unexplained);
   /* rounding alone is unbalanced after linear solves that have balanced the forces: often so in single precision */
   const PetscBool stays = (PetscBool)(newton->error <= newton->target && fnorm > newton->balance && fnorm > LATIN_NEWTON_GAIN * newton->unbalance);
+  PetscBool       idle  = (PetscBool)(it > 1 && !fixed && !penalty && newton->structure->ground && newton->error > LATIN_NEWTON_GAIN * seen->before);
 
   PetscFunctionBegin;
-  seen->rounding = (PetscBool)(it > 1 && fixed && (stays || (newton->error > LATIN_NEWTON_GAIN * seen->before && newton->left < LATIN_NEWTON_RTOL)));
+  if (idle) PetscCall(LatinNewtonRests_Private(snes, fnorm, u, newton, &idle));
+  seen->rounding = (PetscBool)(idle || (it > 1 && fixed && (stays || (newton->error > LATIN_NEWTON_GAIN * seen->before && newton->left < LATIN_NEWTON_RTOL))));
   seen->claims   = (PetscBool)(it && seen->confirmed && newton->error <= newton->target && fnorm <= newton->balance);
   if (seen->changes && (!newton->tangent || penalty) && newton->error > LATIN_NEWTON_REST) seen->claims = PETSC_FALSE;
   if (penalty) {
