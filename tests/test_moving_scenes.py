@@ -211,6 +211,10 @@ def test_command_refuses(tmp_path):
         (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", "inf"], "change --time-step"),
         (["lattice", "--num-steps", 3, "--node-mass", 1, "--time-step", 1, STEP, "inf"], "inf"),
         (["impact-tower"], "--num-steps"),
+        (
+            ["bouncing-chain"],
+            "If its masses are to move, make time steps (-ts_type latin, on the command line --num-st",
+        ),
         (["lattice", "--time-step", 1e-3], "--num-steps"),
         (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),
         (["bouncing-chain", "--num-steps", 3, "--reference"], "statics"),

@@ -188,10 +188,11 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   } else {
     what = "The structure has a mechanism: it can move without any link changing its length";
     if (axis >= 0) PetscCall(PetscSNPrintf(across, sizeof(across), "It lies in a plane of constant %c: prescribe displacements along %c, or add links", "xyz"[axis], "xyz"[axis]));
-    cure = held        ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
-           : hangs     ? "If its cables hang and the loads are to hold it, take the geometry large (-snes_latin_geometry); else prescribe more displacements, or add links"
-           : axis >= 0 ? across
-                       : "Prescribe more displacements or add links";
+    cure = held                                    ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
+           : hangs                                 ? "If its cables hang and the loads are to hold it, take the geometry large (-snes_latin_geometry); else prescribe more displacements, or add links"
+           : axis >= 0                             ? across
+           : structure->mass && !structure->ground ? "If its masses are to move, make time steps (-ts_type latin, on the command line --num-steps); else prescribe more displacements or add links"
+                                                   : "Prescribe more displacements or add links";
     /* soft links may be lost in the rounding of stiff ones */
     if (LATIN_MECHANISM * most > LATIN_DOUBT * least)
       PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or links too soft to survive rounding: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
