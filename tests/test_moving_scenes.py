@@ -100,11 +100,15 @@ def test_move_refuses_what_cannot_move():
         ((grid, 3, None, None), "no masses"),
         ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--time-step"),
         ((make("bouncing-chain"), 0), r"at least one step, not 0 \(--num-steps\)"),
+        ((make("bouncing-chain"), 10.5), r"steps must be a whole number of steps, not 10\.5"),
         ((make("bouncing-chain"), 1, np.inf), "inf s; it must be positive and finite: change --time-step"),
         ((make("bouncing-chain"), 1, np.nan), "nan s; it must be positive and finite: change --time-step"),
     ):
         with pytest.raises(ValueError, match=words):
             move(*arguments)
+    for every, words in ((2.5, "every must be a whole number"), (-1, "every is -1: every Nth state")):
+        with pytest.raises(ValueError, match=words):
+            move(make("bouncing-chain"), 3, every=every)
 
 
 def test_nodes_without_mass_that_nothing_holds_are_named():

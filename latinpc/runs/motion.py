@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import time
 from dataclasses import dataclass, field, replace
 
@@ -143,10 +144,13 @@ def move(
     step = scene.time_step if step is None else step
     if step is None:
         raise ValueError(f"the scene {scene.name} has no time step: give step, in s (on the command line --time-step)")
+    steps = _whole(steps, "steps")
     if steps < 1:
         raise ValueError(f"a motion needs at least one step, not {steps} (--num-steps)")
     _check_length(step, "--time-step")
-    every = max(-(-steps // FRAMES), 1) if every is None else every
+    every = max(-(-steps // FRAMES), 1) if every is None else _whole(every, "every")
+    if every < 0:
+        raise ValueError(f"every is {every}: every Nth state is kept, N at least 1, or 0 for the last one only")
     structure = Structure.from_scene(scene, comm)
     keeper = keeper or Keeper(structure.comm.tompi4py())
     settings = keeper.options | given_options(options) | subdomain_options(subdomains)
@@ -175,6 +179,14 @@ def move(
             return motion
         finally:
             ts.destroy()
+
+
+def _whole(number, name):
+    """Return a number of steps."""
+    try:
+        return operator.index(number)
+    except TypeError:
+        raise ValueError(f"{name} must be a whole number of steps, not {number!r}") from None
 
 
 def _check_length(step, option):
