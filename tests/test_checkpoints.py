@@ -9,12 +9,16 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from conftest import environment, run
+from petsc4py import PETSc
 from support import STATES
 
 import latinpc
 from latinpc.runs.checkpoint import Keeper
+from latinpc.runs.motion import move
+from latinpc.scenes import make
 
 LONG = {
     "ramp": ["tensegrity-grid", "--modules", 8, "--subdomains", 4, "--increments", 60],
@@ -166,3 +170,22 @@ def test_states_of_other_programs_are_no_checkpoints(note, tmp_path):
     latinpc.save_state(snes, path, u, note)
     with pytest.raises(ValueError, match="state is not a checkpoint of latinpc solve"):
         Keeper(structure.comm.tompi4py(), restart=path).resume(snes, u)
+
+
+def test_a_motion_without_a_step_left(tmp_path):
+    """A state beyond the steps or the time asked for is an error, one at their end is said: both passed unnoticed."""
+    chain, state = make("bouncing-chain", links=4), tmp_path / "state"
+    whole = move(chain, 6, every=0, keeper=Keeper(PETSc.COMM_WORLD.tompi4py(), state))
+
+    def again(steps, options=None):
+        return move(chain, steps, options=options, every=0, keeper=Keeper(PETSc.COMM_WORLD.tompi4py(), restart=state))
+
+    for options in (None, {"ts_max_time": 6e-3}):
+        over = again(6 if options is None else 9, options)
+        assert over.notices == ["no step is left: the state is that after step 6, the last one"]
+        assert np.array_equal(over.frames[-1].displacements, whole.frames[-1].displacements)
+    with pytest.raises(ValueError, match=r"after step 6, and the motion has 4 in all: .*--num-steps"):
+        again(4)
+    with pytest.raises(ValueError, match=r"from 0\.006 s to 0\.004 s has no step: check -ts_max_time"):
+        again(9, {"ts_max_time": 4e-3})
+    assert not again(7).notices

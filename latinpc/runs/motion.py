@@ -283,10 +283,8 @@ def _move(recorder, step, from_equilibrium):
     if ts.getType() == "latin":
         ts.setUp()  # a geometry that an option gives is that of the structure from here on
     done, kept = keeper.resume(ts)
-    if not done and ts.getMaxTime() <= ts.getTime():
-        raise ValueError(f"a motion from {ts.getTime():g} s to {ts.getMaxTime():g} s has no step: check -ts_max_time")
     recorder.past |= kept
-    notices = unknown_options()
+    notices = unknown_options() + _left(ts, done)
     if not done:
         notices += _thrown(scene) + _massless(structure, ts)
         recorder.record(0)
@@ -333,6 +331,21 @@ def _move(recorder, step, from_equilibrium):
         + ([] if acting is not None else _grown(ts, report, structure))
         + ([] if reason > 0 else [_failed(ts, structure)]),
     )
+
+
+def _left(ts, done):
+    """Return a sentence where the state after so many steps is the end of the motion; refuse one beyond it."""
+    start, end, steps = ts.getTime(), ts.getMaxTime(), ts.getMaxSteps()
+    if end < start or (not done and end == start):
+        raise ValueError(f"a motion from {start:g} s to {end:g} s has no step: check -ts_max_time")
+    if done > steps:
+        raise ValueError(
+            f"the state is that after step {done}, and the motion has {steps} in all: give more steps than {done}"
+            " (--num-steps)"
+        )
+    if done == steps or end == start:
+        return [f"no step is left: the state is that after step {done}, the last one"]
+    return []
 
 
 def _grown(ts, report, structure):
