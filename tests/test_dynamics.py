@@ -15,7 +15,7 @@ from support import chain, grid, irregular, lattice, logged, network
 
 import latinpc
 from latinpc.options import default_options
-from latinpc.scenes import Law, Scene
+from latinpc.scenes import Law, Scene, make
 
 # ---- closed forms ------------------------------------------------------------------------------
 
@@ -360,6 +360,32 @@ def test_the_monitor_tells_energies_iterations_and_active_links(tmp_path):
         assert words[0] == "3" and words[-3:] == [str(taut), "of", str((scene.law == Law.CABLE).sum())]
         assert float(words[words.index("sum") + 1]) == pytest.approx(it.energy, rel=1e-6)
         assert int(words[words.index("iterations") + 1]) == it.iterations
+
+
+def test_steps_extrapolate_whoever_sets_the_type():
+    """Of a SNES that the program had given its type, steps started from nothing. What it chooses stays."""
+
+    def run(*choices):
+        scene = make("impact-grid", modules=4)
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        u, v = structure.create_vec(), structure.create_vec()
+        structure.set_displacements(scene.velocity, v)
+        ts, stages = structure.create_ts(u, v), []
+        for choice in choices:
+            choice(ts.getSNES())
+        ts.setFromOptions()
+        ts.setTimeStep(scene.time_step)
+        ts.setMaxSteps(12)
+        ts.setPostStep(lambda ts: stages.append(ts.getSNES().getIterationNumber()))
+        ts.solve(u)
+        return stages, structure.displacements(u)
+
+    stages, u = run()
+    typed, same = run(lambda snes: snes.setType("latin"))
+    cold, near = run(lambda snes: snes.setType("latin"), lambda snes: latinpc.set_warm_start(snes, "none"))
+    assert typed == stages and np.array_equal(same, u)
+    assert sum(cold) > sum(stages)
+    assert near == pytest.approx(u, abs=1e-3 * np.abs(u).max())
 
 
 def test_the_plain_iteration_moves_when_damped():

@@ -56,8 +56,8 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Rotation of links: none (linear), small angles with the tensions as drawn (prestress), any (large); of the structure, for all its solvers", "LatinStructureSetGeometry", LatinGeometries,
                              (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
   if (set) data->large.given = PETSC_TRUE;
-  PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)warm, (PetscEnum *)&warm, NULL));
-  PetscCall(SNESLatinSetWarmStart(snes, warm));
+  PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)warm, (PetscEnum *)&warm, &set));
+  if (set) PetscCall(SNESLatinSetWarmStart(snes, warm));
   PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method on stagnation and to prove an error (auto), or never", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)newton, (PetscEnum *)&newton, NULL));
   PetscCall(SNESLatinSetNewton(snes, newton));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors if computed", "None", &viewer, &format, &set));

@@ -429,7 +429,8 @@ PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCall(LatinCheckChoice_Private((PetscObject)snes, LatinWarmStarts, (int)warm));
-  ((SNES_Latin *)snes->data)->warm = warm;
+  ((SNES_Latin *)snes->data)->warm        = warm;
+  ((SNES_Latin *)snes->data)->warm_chosen = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
@@ -442,7 +443,7 @@ PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
 . snes - of type latin
 
   Output Parameter:
-. warm - as set, `LATIN_WARM_START_NONE` by default
+. warm - as set; by default `LATIN_WARM_START_NONE`, in a TS of type latin `LATIN_WARM_START_EXTRAPOLATE`
 
   Level: intermediate
 

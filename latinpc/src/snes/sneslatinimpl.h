@@ -234,8 +234,9 @@ typedef struct {
   LatinEstimate     estimate;
   PetscBool         guess; /* the solution vector is the initial guess of this solve */
   LatinWarmStart    warm;
-  PetscBool         has_state; /* the last solve has converged */
-  Vec               z_before;  /* final state of the solve before the last one; NULL or unset without has_before */
+  PetscBool         warm_chosen; /* it is the user's */
+  PetscBool         has_state;   /* the last solve has converged */
+  Vec               z_before;    /* final state of the solve before the last one; NULL or unset without has_before */
   PetscBool         has_before;
   Vec               reference; /* reference displacements, or NULL */
   PetscReal        *reference_copy;

@@ -90,6 +90,20 @@ PetscErrorCode LatinStructureAttachTS(LatinStructure structure, TS ts)
   PetscFunctionReturn(0);
 }
 
+/* Sets the defaults of time steps of a SNES latin, unless the user has chosen: the initial state, and no divergence tolerance, as a step has a solution */
+static PetscErrorCode TSLatinDefaults_Private(SNES snes)
+{
+  PetscBool latin, given;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  if (!latin) PetscFunctionReturn(0);
+  if (!((SNES_Latin *)snes->data)->warm_chosen) ((SNES_Latin *)snes->data)->warm = LATIN_WARM_START_EXTRAPOLATE;
+  PetscCall(PetscOptionsHasName(((PetscObject)snes)->options, ((PetscObject)snes)->prefix, "-snes_divergence_tolerance", &given));
+  if (!given && snes->divtol == (PetscReal)LATIN_PETSC_DIVTOL) PetscCall(SNESSetDivergenceTolerance(snes, PETSC_UNLIMITED));
+  PetscFunctionReturn(0);
+}
+
 /* Gets data->step, the structure of a step (NULL: none attached), and the SNES, of type latin unless another type is set. Collective on ts */
 static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
 {
@@ -98,10 +112,8 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&data->step));
   PetscCall(TSGetSNES(ts, snes));
-  if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
-  PetscCall(SNESSetType(*snes, SNESLATIN));
-  PetscCall(SNESLatinSetWarmStart(*snes, LATIN_WARM_START_EXTRAPOLATE));
-  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution; from a good initial guess a large residual is no divergence */
+  if (!((PetscObject)*snes)->type_name) PetscCall(SNESSetType(*snes, SNESLATIN));
+  PetscCall(TSLatinDefaults_Private(*snes));
   PetscFunctionReturn(0);
 }
 
@@ -451,9 +463,8 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   Notes:
   Attach the structure with `LatinStructureAttachTS()`; set displacements and velocities with `TS2SetSolution()` (default: at
   rest). The scheme is of first order: it damps vibrations faster than a step, and allows velocity jumps. Steps of the same length reuse
-  all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have
-  masses: SNES latin has no divergence tolerance unless an option sets one. Initial state and tolerance are set if the SNES has no
-  type yet: a program that calls `SNESSetType()` sets them itself.
+  all operators and factors. A structure with masses needs no supports, and every step has a solution if all nodes have masses:
+  SNES latin has no divergence tolerance unless the program or an option sets one.
 
   `TSSetEventHandler()` repeats steps with another length, for which PETSc does not call the function of `TSSetPreStep()`: give loads
   and supports that change in one of `TSSetPreStage()`. Before another motion with the same TS call `TSReset()`.
