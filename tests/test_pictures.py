@@ -9,7 +9,6 @@ from conftest import ROOT
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
-from PIL import Image
 from test_cli import latinpc as command
 from test_files import MSH, TOML
 
@@ -430,40 +429,6 @@ def test_command_refuses_pictures_without_meaning(arguments, tmp_path):
     scene = ["bouncing-chain"] if "--num-steps" in arguments else [ROOT / "examples" / "tower.msh"]
     said = command("solve", *scene, *arguments, code=2, cwd=tmp_path).stderr
     assert "pictures" in said or "statics" in said or "--amplify nan: displacements are multiplied by a finite" in said
-
-
-# ---- motions ---------------------------------------------------------------------------------
-
-
-def test_a_film_shows_supports_masses_and_scales(tmp_path, monkeypatch):
-    from latinpc.results import film
-    from latinpc.runs.motion import move
-
-    motion, texts, image = move(make("impact-tower", levels=3, subdomains=1), 4, every=2), [], film.Film.image
-    monkeypatch.setattr(film.Film, "image", lambda one, moves: texts.append(_written(one.figure)) or image(one, moves))
-    draw_motion(motion, tmp_path / "a.gif", amplification=7.0)
-    assert len(texts) == Image.open(tmp_path / "a.gif").n_frames == 3
-    for word in ("mass 200 kg", "pin (3)", "drawn × 7", "x (m)", "z (m)", "slack cable", "t = "):
-        assert all(word in text for text in texts), word
-    assert len(set(texts)) == 3  # each has its time
-    bar = np.array(Image.open(tmp_path / "a.gif").convert("RGB"))[70:220, 647]
-    assert len(np.unique(bar, axis=0)) > 20  # no bands
-
-
-@pytest.mark.parametrize("name", ["impact-tower", "bouncing-chain"])
-def test_frames_of_a_film_are_those_of_whole_figures(name):
-    """What moves is drawn upon a picture of what stays: no pixel differs."""
-    from latinpc.results.film import Film
-    from latinpc.runs.motion import move
-
-    motion = move(make(name, **{"impact-tower": {"levels": 2}, "bouncing-chain": {"links": 4}}[name]), 40, every=20)
-    film = Film(motion)
-    for frame in motion.frames:
-        moves = film.add(frame)
-        film.figure.canvas.draw()
-        whole = np.array(film.figure.canvas.buffer_rgba())
-        film.image(moves)
-        assert np.array_equal(np.asarray(film.figure.canvas.buffer_rgba()), whole)
 
 
 @pytest.mark.filterwarnings("ignore:nodes move", "ignore:not converged")

@@ -291,7 +291,7 @@ def _write_motion(result, files, amplify):
 
         stamp = {} if result.converged else {"word": "NOT CONVERGED", "reason": result.report["reason"]}
         arrays = (last.displacements, last.tensions, result.subdomain)
-        how = {"amplification": amplify, "geometry": result.scene.geometry}
+        how = {"amplification": amplify, "geometry": result.scene.geometry, "load": last.load}
         draw_structure(result.scene, *arrays, picture, **how, **stamp)
 
 

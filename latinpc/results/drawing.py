@@ -16,6 +16,7 @@ from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from .atomic import atomic
+from .units import quantity
 
 STEPS = [1, 2, 2.5, 5, 10]  # between ticks, times a power of ten
 GAPS = (50.0, 50.0, 58.0)  # points: labels of the axes in perspective from their edges
@@ -155,6 +156,15 @@ def symbol_keys(symbols):
         count = len(np.unique(symbol.nodes))
         keys.append(Line2D([], [], linestyle="none", label=f"{symbol.label} ({count:,})", **style))
     return keys
+
+
+def load_keys(count, largest, shown):
+    """Return the key of a legend for the loads on so many nodes, the largest in N; none without loads."""
+    if not count:
+        return []
+    marker = {"marker": r"$\rightarrow$", "markersize": 11} if shown else {}
+    text = f"load ({count:,}), largest {quantity(largest, 'N')}" + ("" if shown else "\n(not drawn)")
+    return [Line2D([], [], color=LOAD_COLOUR, linestyle="none", label=text, **marker)]
 
 
 def stamp(figure, word, reason=""):

@@ -10,17 +10,19 @@ from .atomic import atomic
 from .drawing import (
     STAMP_COLOUR,
     axes_for,
+    draw_arrows,
     draw_symbols,
     force_bar,
     label_axes,
+    load_keys,
     new_figure,
     plane_points,
     symbol_keys,
 )
 from .look import Scale, force_keys, force_look
 from .mechanics import slack
-from .pictures import amplification_of, at_one_place, draw_forces, drawn_links
-from .symbols import supports
+from .pictures import amplification_of, at_one_place, draw_forces, drawn_links, in_plane
+from .symbols import MANY_SYMBOLS, arrows, supports
 from .units import number, quantity
 
 FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
@@ -66,8 +68,12 @@ class Film:
         self.bodies = _bodies(self.scene.mass)
         self.discs = at_one_place(self.scene, np.flatnonzero(self.seen))
         self.stands = supports(self.scene.fixed, self.nodes, self.scene.links[self.seen])
-        shapes = [self._shape(frame) for frame in motion.frames]
-        self._stage(np.vstack([*shapes, *(one.triangles.reshape(-1, self.nodes.shape[1]) for one in self.stands)]))
+        loads = np.array([in_plane(frame.load) for frame in motion.frames])
+        self.loaded = np.flatnonzero(loads.any(axis=(0, 2)))
+        self.largest = np.linalg.norm(loads, axis=2).max()
+        seen = [self._shape(frame) for frame in motion.frames] + [self.arrows(frame) for frame in motion.frames]
+        seen += [one.triangles for one in self.stands]
+        self._stage(np.vstack([points.reshape(-1, self.nodes.shape[1]) for points in seen]))
         if not motion.converged:
             self.figure.text(0.02, 0.895, f"ended early: {motion.report['reason']}", fontsize=9, color=STAMP_COLOUR)
         self._lines = (
@@ -93,6 +99,13 @@ class Film:
     def _shape(self, frame):
         return self.nodes + self.amplification * plane_points(frame.displacements)
 
+    def arrows(self, frame):
+        """Return the lines of arrows for the loads, long as the largest of all frames lets them be."""
+        load, ends = in_plane(frame.load), self.scene.links[self.seen]
+        if not 0 < len(self.loaded) <= MANY_SYMBOLS:
+            load = np.zeros_like(load)
+        return arrows(load, self.nodes, ends, self._shape(frame), self.largest)[0]
+
     def add(self, frame):
         """Add what moves to the figure; return it in the order in which it is drawn."""
         scene, axes, shape, law = self.scene, self.axes, self._shape(frame), self.scene.law[self.seen]
@@ -103,7 +116,9 @@ class Film:
         if len(shape) <= FEW_NODES:
             plain = np.delete(shape, self.bodies, axis=0)
             axes.plot(*plain.T, "o", color="#333333", markersize=2.0, clip_on=False)
+        draw_arrows(axes, self.arrows(frame))
         keys = force_keys(law, loose, film=True, discs=self.discs) + symbol_keys(self.stands)
+        keys += load_keys(len(self.loaded), self.largest, len(self.loaded) <= MANY_SYMBOLS)
         if len(self.bodies):
             axes.plot(*shape[self.bodies].T, "o", color=MASS_COLOUR, markersize=9.0, clip_on=False, zorder=7)
             text = f"mass {quantity(1e3 * scene.mass[self.bodies].max(), 'g')}"

@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from latinpc.laws import Law
 
 from .drawing import (
-    LOAD_COLOUR,
     SUPPORT_COLOUR,
     axes_for,
     draw_arrows,
@@ -24,6 +23,7 @@ from .drawing import (
     draw_symbols,
     force_bar,
     label_axes,
+    load_keys,
     new_figure,
     plane_points,
     save,
@@ -44,7 +44,7 @@ from .look import (
 )
 from .mechanics import slack
 from .symbols import MANY_SYMBOLS, arrows, supports
-from .units import counted, number, quantity, scaled
+from .units import counted, number, scaled
 
 NUMBERED = 60  # nodes, up to which numbers are readable
 ROUNDING = 1e-12  # of the structure: displacements that are none
@@ -138,7 +138,7 @@ def structure_figure(
     tensions = np.asarray(tensions, dtype=float)
     seen = drawn_links(scene)  # what acts across the line between its nodes is no line to draw
     loose = slack(scene, tensions)[seen]
-    nodes, moved = plane_points(scene.nodes), _in_plane(displacements)
+    nodes, moved = plane_points(scene.nodes), in_plane(displacements)
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
     amplification = amplification_of(nodes, largest, amplification, geometry)
     shape = nodes + amplification * moved
@@ -214,7 +214,7 @@ class Sketch:
         self.law, self.ends, self._seen = scene.law[seen], scene.links[seen], np.flatnonzero(seen)
         self._count = len(seen)
         nodes = plane_points(scene.nodes)
-        self.load = _in_plane(scene.load if load is None else load)
+        self.load = in_plane(scene.load if load is None else load)
         self._supports = supports(scene.fixed, nodes, self.ends, shape)
         self._arrows, self._loaded = arrows(self.load, nodes, self.ends, shape)
         if np.count_nonzero(np.any(self.load, axis=1)) > MANY_SYMBOLS:
@@ -253,13 +253,8 @@ class Sketch:
         held = np.count_nonzero(self.scene.fixed.any(axis=1))
         if held and not self._supports:
             keys.append(Line2D([], [], linestyle="none", label=f"{held:,} supported nodes\n(not drawn)"))
-        if len(self._loaded):
-            largest = quantity(np.linalg.norm(self.load, axis=1).max(), "N")
-            text = f"load ({len(self._loaded):,}), largest {largest}"
-            shown = len(self._arrows) > 0
-            marker = {"marker": r"$\rightarrow$", "markersize": 11} if shown else {}
-            text += "" if shown else "\n(not drawn)"
-            keys.append(Line2D([], [], color=LOAD_COLOUR, linestyle="none", label=text, **marker))
+        largest = np.linalg.norm(self.load, axis=1).max(initial=0.0)
+        keys += load_keys(len(self._loaded), largest, len(self._arrows) > 0)
         if getattr(self, "_numbered", False):
             keys.append(Line2D([], [], color="#1764ab", marker="$7$", markersize=6, linestyle="none", label="link"))
             marker = {"marker": "o", "markersize": 7, "markerfacecolor": "white", "markeredgecolor": SUPPORT_COLOUR}
@@ -274,7 +269,7 @@ class Sketch:
         self.figure.text(0.98, 0.958, f"{links} · {text}", fontsize=10, ha="right")
 
 
-def _in_plane(vectors):
+def in_plane(vectors):
     """Return vectors as `plane_points` returns points."""
     return plane_points(np.asarray(vectors, dtype=float))
 

@@ -43,6 +43,7 @@ class Frame:
     velocities: np.ndarray  #: (n, dim), m/s
     tensions: np.ndarray  #: (m,), N: impulses over the length of the step
     initial_elongation: np.ndarray  #: (m,), m
+    load: np.ndarray  #: (n, dim), N: what acts at that time
 
 
 @dataclass
@@ -237,8 +238,8 @@ class _Recorder:
         u, v = self.ts.getSolution2()
         tensions = self._tensions(u)
         velocities = np.where(self.scene.fixed, self._speeds, self.structure.displacements(v))
-        moved, elongation = self.structure.displacements(u), self.structure.initial_elongation
-        self.frames.append(Frame(number, self.ts.getTime(), moved, velocities, tensions, elongation))
+        moved, acts = self.structure.displacements(u), (self.structure.initial_elongation, self.structure.load)
+        self.frames.append(Frame(number, self.ts.getTime(), moved, velocities, tensions, *acts))
 
     def record(self, number):
         """Record a step, or the start as number 0."""
