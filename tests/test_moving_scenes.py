@@ -302,6 +302,29 @@ def test_masses_on_held_nodes_alone_are_noticed():
     assert any("masses are on held nodes alone" in text for text in move(scene, 1).notices)
 
 
+@pytest.mark.parametrize("law", ["contact", "inextensible", "friction"])
+def test_gaps_that_count_as_closed_are_noticed(law):
+    """A ball 5 cm above a table hung there where a spring pressed a light mass against a stop elsewhere."""
+    parts = 2 if law == "friction" else 1
+    sign = -1.0 if law == "inextensible" else 1.0
+    scene = Scene(
+        name="ball", nodes=[[0.0, 0.0], [1.0, 0.0], [5.0, 0.0], [6.0, 0.0], [7.0, 0.0]],
+        links=[[2, 3], [3, 4]] + [[0, 1]] * parts, law=["bar", "contact", law, "tangent"][: 2 + parts],
+        stiffness=[1e6, 0.0] + [0.0] * parts, initial_elongation=[-0.1, 0.0, 0.05 * sign, 0.0][: 2 + parts],
+        direction=[[1.0, 0.0]] * 3 + [[0.0, 1.0]] * (parts - 1), friction=[0.0, 0.0, 0.3, 0.0][: 2 + parts],
+        fixed=[[1, 1], [0, 1], [1, 1], [0, 1], [1, 1]], load=np.outer([0.0, -9.81 * sign, 0.0, 0.0, 0.0], [1.0, 0.0]),
+        mass=[0.0, 1.0, 0.0, 0.1, 0.0],
+    )  # fmt: skip
+    said = "the gap of link 2, up to 50 mm, counts as closed in the first step: without rigid links nodes would move by"
+    long = move(scene, 1, 0.025)
+    assert long.frames[-1].velocities[1] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert [said in text for text in long.notices] == [True]
+    short = move(scene, 1, 1e-3)
+    assert short.frames[-1].velocities[1] == pytest.approx([-9.81e-3 * sign, 0.0])
+    assert not short.notices
+    assert not move(make("impact-grid", modules=4), 1).notices
+
+
 def test_a_motion_prints_its_summary():
     text = str(move(make("bouncing-chain", links=8), 3))
     assert text.startswith("bouncing-chain\n  structure ") and "all steps converged" in text and len(text) < 1000

@@ -11,10 +11,10 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.geometry import extent
-from latinpc.laws import UNILATERAL
+from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results import tables
-from latinpc.results.mechanics import slack
+from latinpc.results.mechanics import elongations, slack
 from latinpc.results.notices import SolveError, errors_as_given, one_step
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.results.solve import attach_linear, gather
@@ -29,6 +29,7 @@ from .report import environment
 
 GROWN = 0.1  # of the energy that has become kinetic, above which a growing energy is told
 UNBALANCED = 1e-3  # of the largest force: what massless nodes may start with, and what holds none of them
+CLOSED = 1e-4  # of the flight of a step: LATIN_STEP_CLOSED, gaps that count as closed
 NAMED = 6  # nodes in a sentence, at most
 FRAMES = 100  # states kept of a motion, at most, by default
 
@@ -287,7 +288,7 @@ def _move(recorder, step, from_equilibrium):
     recorder.past |= kept
     notices = unknown_options() + _left(ts, done)
     if not done:
-        notices += _thrown(scene) + _massless(structure, ts)
+        notices += _thrown(scene) + _massless(structure, ts) + _closed(structure, ts)
         recorder.record(0)
     recorder.seconds = 0.0
     comm.barrier()
@@ -371,6 +372,35 @@ def _thrown(scene):
     named = scene.some_nodes(nodes[:NAMED], len(nodes) > NAMED)
     it = "it has no mass: give it" if len(nodes) == 1 else "they have no mass: give them"
     return [f"the initial velocity of {named} moves nothing, as {it} one"]
+
+
+def _closed(structure, ts):
+    """Return a sentence on gaps that the first step takes for closed ones: those that are small beside its flight.
+
+    The flight is how far elastic links, loads and velocities would move nodes without rigid links.
+    """
+    normal = np.isin(structure.law, RIGID) & (structure.law != Law.TANGENT)
+    if ts.getType() != "latin" or structure.geometry == "large" or not normal.any():
+        return []
+    u, v = (structure.displacements(vector) for vector in ts.getSolution2())
+    x = elongations(structure, u) + structure.initial_elongation
+    h, free = ts.getTimeStep(), ~structure.fixed & (structure.mass > 0.0)[:, None]
+    pull = solvers.step_tensions(ts)[:, None]  # before the first step, zero of rigid links
+    force = structure.load.copy()
+    np.add.at(force, structure.links[:, 0], pull * structure.directions)
+    np.subtract.at(force, structure.links[:, 1], pull * structure.directions)
+    inverse = np.divide(1.0, structure.mass, where=structure.mass > 0.0, out=np.zeros(len(u)))[:, None]
+    flight = np.abs(np.where(free, h * v + h**2 * force * inverse, 0.0)).max()
+    gap = np.where(structure.law == Law.INEXTENSIBLE, -x, x)
+    links = np.flatnonzero(normal & (gap > CLOSED * np.abs(u).max()) & (gap > 0.0) & (gap <= CLOSED * flight))
+    if not len(links):
+        return []
+    named, one = structure.some_links(links[:NAMED], len(links) > NAMED), len(links) == 1
+    return [
+        f"the gap{'' if one else 's'} of {named}, up to {quantity(gap[links].max(), 'm')}, count{'s' if one else ''} as"
+        f" closed in the first step: without rigid links nodes would move by {quantity(flight, 'm')} in it; take"
+        " shorter steps"
+    ]
 
 
 def _massless(structure, ts):
