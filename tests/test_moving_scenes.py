@@ -325,6 +325,22 @@ def test_gaps_that_count_as_closed_are_noticed(law):
     assert not move(make("impact-grid", modules=4), 1).notices
 
 
+@pytest.mark.parametrize("law", ["contact", "inextensible"])
+def test_missed_gaps_are_those_of_a_fall(law):
+    """A mass that reaches its stop within a step stays as far beyond it as that step has gone."""
+    sign = 1.0 if law == "contact" else -1.0
+    scene = Scene(
+        name="fall", nodes=[[0.0], [1.0]], links=[[0, 1]], law=law, stiffness=0.0, initial_elongation=0.0505 * sign,
+        fixed=[[1], [0]], mass=[0.0, 2.0], velocity=[[0.0], [-1.0 * sign]],
+    )  # fmt: skip
+    for steps, beyond, text in ((10, 0.0095, "9.5 mm"), (100, 0.0005, "500 µm")):
+        fall = move(scene, steps, 0.1 / steps)
+        way = np.minimum(np.arange(1, steps + 1) * 0.1 / steps, 0.0505 + beyond)
+        assert fall.report["missed_gaps"] == pytest.approx(np.maximum(way - 0.0505, 0.0), abs=1e-12)
+        assert f"rigid links    miss their gaps by up to {text}" in str(fall)
+    assert move(make("impact-grid", modules=4, contact="elastic"), 1).report["missed_gaps"] == []
+
+
 def test_a_motion_prints_its_summary():
     text = str(move(make("bouncing-chain", links=8), 3))
     assert text.startswith("bouncing-chain\n  structure ") and "all steps converged" in text and len(text) < 1000
