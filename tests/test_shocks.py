@@ -9,7 +9,7 @@ import pytest
 from lcp import step
 from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 from random_motions import step_errors
-from support import grid, logged
+from support import STATES, grid, logged
 
 import latinpc
 from latinpc.bench.extremes.drawn import draw
@@ -397,6 +397,71 @@ def test_elastic_grains_at_rest_stay(h):
     assert max(np.abs(frame.velocities).max() for frame in still.frames) < 1e-9 * h * np.abs(packing.load).max()
     first, last = (still.frames[k].tensions for k in (0, -1))
     assert np.abs(last - first).max() < 1e-9 * np.abs(first).max()
+
+
+def grains_at_rest(side=8, balls=0, load=1.0):
+    """Grains with friction, pressed together, and a row of light balls, tied to each other, beside them."""
+    packing = make("packing", law="friction", side=side)
+    n, row = len(packing.nodes), np.arange(balls)
+    ties = n + np.tile(np.column_stack([row[:-1], row[1:]]), (2, 1)) if balls else np.zeros((0, 2), int)
+    none, m = np.zeros((balls, 2)), len(ties)
+    return replace(
+        packing,
+        nodes=np.vstack([packing.nodes, np.column_stack([row, 0 * row - 50.0])]),
+        links=np.vstack([packing.links, ties]),
+        law=np.append(packing.law, np.repeat([Law.INEXTENSIBLE, Law.CONTACT], m // 2)),
+        stiffness=np.append(packing.stiffness, np.zeros(m)),
+        initial_elongation=np.append(packing.initial_elongation, np.zeros(m)),
+        direction=np.vstack([packing.directions, np.tile([1.0, 0.0], (m, 1))]),
+        friction=np.append(packing.friction, np.zeros(m)),
+        fixed=np.vstack([packing.fixed, none.astype(bool)]),
+        prescribed=np.vstack([packing.prescribed, none]),
+        load=np.vstack([load * packing.load, none]),
+        subdomain=None,
+        mass=np.append(np.where(packing.fixed.all(axis=1), 0.0, 1.0), np.full(balls, 1e-6)),
+    )
+
+
+def test_grains_with_friction_at_rest_cost_few_stages():
+    """A step begins where nothing moves, as long as the same acts. Each had begun elsewhere, and taken a hundred."""
+    scene, stages = grains_at_rest(), []
+    with motion(scene, 0.01) as it:
+        for _ in range(40):
+            u, v = it.u, it.v
+            it.step()
+            stages.append(it.iterations)
+            assert max(step_errors(scene, 0.01, u, v, it.u, it.v, it.tensions).values()) < 1e-5
+        assert np.abs(it.v).max() < 1e-12
+    assert np.median(stages[-15:]) < 20
+
+
+def test_light_balls_start_beside_grains_at_rest():
+    """Pulled for one step, the row flies on as one body: rounding of great tensions beside it must not hide that."""
+    scene, pull = grains_at_rest(balls=6, load=1e3), 1e-9 * np.arange(1.0, 7.0)
+    with motion(scene, 0.01) as it:
+        it.step(30)
+        assert np.abs(it.v).max() < 1e-10
+        load = scene.load.copy()
+        load[-6:, 0] = pull
+        for acts in (load, scene.load, scene.load):
+            it.structure.set_load(acts)
+            it.step()
+            assert it.v[-6:, 0] == pytest.approx(0.01 * pull.mean() / 1e-6, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_grains_at_rest_go_on_from_a_file_to_the_bit(tmp_path, name):
+    scene = grains_at_rest(side=6)
+    with motion(scene, 0.01) as first, motion(scene, 0.01) as second:
+        first.step(20)
+        latinpc.save_state(first.ts, tmp_path / name)
+        latinpc.load_state(second.ts, tmp_path / name)
+        for acts in (scene.load, scene.load, 0.9 * scene.load, 0.9 * scene.load):
+            for it in (first, second):
+                it.structure.set_load(acts)
+                it.step(2)
+            assert first.iterations == second.iterations
+            assert np.array_equal(first.tensions, second.tensions) and np.array_equal(first.v, second.v)
 
 
 def test_light_balls_start_beside_elastic_grains_at_rest():

@@ -14,7 +14,9 @@
    - rest: a motion that comes to rest has no displacements as a measure. Masses only stiffen the nodes, so D^-1 bounds the displacements due to
      rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their weight, and in the l2 norm, and that of
      missed gaps, the step is accurate to rounding (`at_rest`). Masses that no link holds are softer than D: elastic structures are at rest as well if
-     inertia and tensions of u are rounding of the forces, to the target error, and r is at each node;
+     inertia and tensions of u are rounding of the forces, to the target error, and r is at each node. Light nodes may still move beside heavy ones,
+     whose rounding hides that. Nothing moves (`still`) if rounding of r at each node displaces it as much, by its own row sums, or if it moves by less
+     than rounding of coordinates, as free nodes do that have come to rest;
    - unheld nodes: if the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
    - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and loads, independent of units
      and stiffnesses.
@@ -43,6 +45,7 @@ typedef struct {
   PetscReal along, blur;                  /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
   PetscReal shown;                        /* number of components of r beyond LATIN_FORCE_FACTOR times rounding */
   PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
+  PetscReal moves;                        /* number of components that move farther than D^-1 times the rounding of r there, and than `point` */
 } LatinNodalSums;
 
 /* Computes size, the diagonal of the bounding box of the nodes, and the largest prescribed displacement (or NULL). Collective on structure */
@@ -166,8 +169,8 @@ static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, La
   PetscFunctionReturn(0);
 }
 
-/* Adds component c of a node. rounding: that of the largest displacement */
-static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, PetscReal rounding, LatinNodalSums *sum)
+/* Adds component c of a node. rounding: that of the largest displacement; point: that of coordinates */
+static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, PetscReal rounding, PetscReal point, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
@@ -185,6 +188,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   }
   sum->u[0] += stiff * PetscSqr(at->u[c]);
   sum->u[1] += PetscSqr(at->u[c]);
+  sum->moves += stiff * PetscAbsReal(at->u[c]) > noise && PetscAbsReal(at->u[c]) > point ? 1.0 : 0.0;
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
   sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* both cancel at a mass in flight */
@@ -219,6 +223,7 @@ static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, La
 typedef struct {
   PetscInt          dim;
   PetscBool         energy; /* errors in the energy norm, not the l2 norm */
+  PetscReal         point;  /* rounding of coordinates */
   LatinNodalSums    sum;    /* over nodes */
   LatinNodalBalance links;  /* over links */
   LatinUnheld       unheld;
@@ -228,7 +233,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
 {
   LatinNodalJudge *judge = (LatinNodalJudge *)ctx;
 
-  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, judge->unheld.rounding[1], &judge->sum);
+  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, judge->unheld.rounding[1], judge->point, &judge->sum);
   LatinSumNode(at, judge->dim, judge->energy, &judge->sum);
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
@@ -271,6 +276,8 @@ static PetscErrorCode LatinJudgeSums_Private(Latin latin, Vec u, Vec r, Vec more
   if (more) PetscCall(VecNorm(more, NORM_INFINITY, &largest));
   rounding[0] += largest;
   PetscCall(VecNorm(u, NORM_INFINITY, &rounding[1]));
+  PetscCall(LatinStructureSize_Private(structure, &judge->point, NULL));
+  judge->point *= PETSC_MACHINE_EPSILON;
   for (PetscInt i = 0; i < 2; i++) rounding[i] *= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON;
   PetscCall(LatinNodalBalance_Private(latin, u, r, more, target, LatinNodeJudge, judge, &judge->links));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &judge->sum, sizeof(judge->sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
@@ -327,9 +334,10 @@ static void LatinJudgeError(const LatinNodalJudge *judge, PetscReal size, LatinE
 
 /*
    Judges displacements u with the unbalance r: whether they are an equilibrium to a relative error of `target`, in the energy or the l2 norm. more:
-   an additional load, or NULL; rests: the iteration stagnates at rounding. Collective on structure
+   an additional load, or NULL; rests: the iteration stagnates at rounding; strict: missed gaps count in a motion at rest, unless nothing moves.
+   Collective on structure
 */
-PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, PetscBool strict, LatinEquilibrium *found)
 {
   const LatinStructure structure = latin->sub.structure;
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
@@ -343,7 +351,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(VecNorm(u, NORM_2, &size));
   idles          = LatinJudgeIdles(&judge, target);
   found->at_rest = (PetscBool)(idles || LatinJudgeRests(&judge, target));
-  PetscCall(LatinGapError_Private(&judge.links, u, size, target, found->at_rest, &missed));
+  found->still   = (PetscBool)(found->at_rest && sum->moves == 0.0);
+  PetscCall(LatinGapError_Private(&judge.links, u, size, target, strict ? found->still : found->at_rest, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   /* the unbalance moves it by less than rounding */
   if (idles || (found->at_rest && PetscSqr(LATIN_FORCE_FACTOR) * sum->error <= sum->hides[energy ? 0 : 1])) sum->error = 0.0;

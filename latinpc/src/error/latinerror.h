@@ -94,6 +94,7 @@ typedef struct {
   PetscReal    missed;             /* error by missed gaps of rigid links and by unheld nodes, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* the unbalance is rounding only */
   PetscBool    at_rest;            /* a motion at rest: rounding of the forces moves the structure by more than the target error */
+  PetscBool    still;              /* nothing moves: rounding of the forces at each node moves it farther */
   PetscInt     nodes;              /* unheld nodes, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* the lowest of their global numbers */
   PetscReal    distance;           /* distance by which they move until a link stops them */
@@ -111,7 +112,7 @@ static inline PetscBool LatinEquilibriumExplained(const LatinEquilibrium *found)
 
 PETSC_INTERN PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure, PetscReal *least);
 PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, PetscBool *);
-PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, PetscBool strict, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure, Vec step, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinList_Private(MPI_Comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[]);

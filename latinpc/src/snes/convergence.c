@@ -91,6 +91,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
   if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinAtRest_Private(snes));
+  PetscCall(SNESLatinStands_Private(snes));
   warm = SNESLatinWarm(data);
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
   if (data->stop == LATIN_STOP_RESIDUAL) warm = PETSC_FALSE;
@@ -145,7 +146,7 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
   else if (SNESLatinEstimates(data)) {
     if (!SNESLatinLarge(data) && (data->estimate.value <= data->target || data->estimate.rounding)) {
       PetscCall(SNESLatinResidual_Private(snes));
-      PetscCall(LatinEquilibriumCheck_Private(latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, (PetscBool)(latin->linear.distance <= latin->linear.noise), &data->found));
+      PetscCall(LatinEquilibriumCheck_Private(latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, (PetscBool)(latin->linear.distance <= latin->linear.noise), SNESLatinStrict(data), &data->found));
       LatinEstimateLearn(&data->found, data->target, &data->estimate);
       if (data->done) data->estimates[data->done - 1] = data->estimate.value;
     }
@@ -244,7 +245,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(SNESLatinLoads_Private(snes, &proof.loads));
   PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &proof.far));
   if (!proof.far && !proof.forces && !residual && !(data->newton.contrast && structure->ground)) PetscFunctionReturn(0); /* a motion at rest needs no proof */
-  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, proof.target, data->estimate.energy, PETSC_FALSE, &data->found));
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, proof.target, data->estimate.energy, PETSC_FALSE, SNESLatinStrict(data), &data->found));
   if (proof.far) PetscCall(SNESLatinDrive_Private(snes, &proof.drive));
   *next = SNESLatinProved(snes, &proof, *next);
   PetscFunctionReturn(0);

@@ -80,7 +80,7 @@ static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(SNESGetRhs(snes, &more));
-  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, found));
+  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, PETSC_FALSE, found));
   PetscCall(LatinNewtonNear_Private(newton, u, fnorm, claims));
   PetscFunctionReturn(0);
 }

@@ -167,7 +167,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   if (SNESLatinLarge(data) || !data->latin->linear.applications) PetscFunctionReturn(0);
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (!LatinEquilibriumExplained(found)) {
-    PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
+    PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, NULL));
     /* a diverged iterate does not prove an infinite distance (test_a_table_that_will_yield_bears_what_is_below_its_limit) */
     found->distance = PetscMin(found->distance, size);

@@ -58,7 +58,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   if (rests) PetscCall(VecZeroEntries(snes->vec_sol));
   data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   PetscCall(SNESLatinBalance_Private(snes));
-  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, PETSC_FALSE, &data->found));
   if (rests) {
     data->found   = (LatinEquilibrium){.verdict = LATIN_EQUILIBRIUM, .balanced = PETSC_TRUE};
     newton->error = newton->tensions = 0.0;
@@ -243,6 +243,9 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
     PetscFunctionReturn(0);
   }
   /* a warm start begins at the solution. Not where rounding hides motion: light parts that move beside heavy ones at rest, as a truss in flight */
-  if (data->warm && LatinNextConverged(data->next) && !data->found.at_rest && structure->rigid_law >= 0) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
+  data->stands = (PetscBool)(data->found.at_rest && data->found.still);
+  data->rested = (PetscBool)(data->rested || data->stands);
+  if (data->stands) data->has_before = PETSC_FALSE; /* nothing to extrapolate */
+  if (data->warm && LatinNextConverged(data->next) && (!data->found.at_rest || data->found.still) && structure->rigid_law >= 0) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
   PetscFunctionReturn(0);
 }
