@@ -247,6 +247,7 @@ def job(*words):
         "--repeated", action="store_true", help="a rank has several blocks, unknowns between them twice"
     )
     parser.add_argument("--near", action="store_true")
+    parser.add_argument("--unbalanced", action="store_true", help="the loads of a free body have a resultant")
     parser.add_argument("--asymmetric", action="store_true")
     parser.add_argument("--spectrum", action="store_true")
     parser.add_argument("--value", type=float, default=0.0, help="fraction of the search direction")
@@ -273,13 +274,16 @@ def job(*words):
     b, u = a.createVecs()
     first, last = b.getOwnershipRange()
     b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
-    if args.dirichlet == "none":
+    if args.dirichlet == "none" and not args.unbalanced:
         a.getNullSpace().remove(b)
     if args.dirichlet == "rows":
         b.setArray(np.where(problem.held[first:last], 0.0, b.getArray()))
     ksp.solve(b, u)
     result = {"reason": ksp.getConvergedReason(), "iterations": ksp.getIterationNumber(), "unknowns": a.getSize()[0]}
     residual = b - a * u
+    if args.unbalanced:
+        result["resultant"] = residual.norm() / b.norm()
+        a.getNullSpace().remove(residual)
     result["residual"] = residual.norm() / b.norm()
     if pc.getType() == "latin":
         result["subdomains"] = latinpc.statistics(pc)["subdomains"]

@@ -44,6 +44,8 @@ static PetscErrorCode PCLatinClear_Private(PC_Latin *data)
 {
   PetscFunctionBegin;
   PetscCall(VecDestroy(&data->work));
+  PetscCall(VecDestroy(&data->range));
+  PetscCall(MatNullSpaceDestroy(&data->kernel));
   PetscCall(PetscFree5(data->weight, data->v, data->f, data->force, data->side));
   data->built = PETSC_FALSE;
   PetscFunctionReturn(0);
@@ -83,6 +85,19 @@ static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
   PetscFunctionReturn(0);
 }
 
+/* Gets the kernel of a singular matrix, which has been checked. Collective on pc */
+static PetscErrorCode PCLatinKernel_Private(PC pc)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  if (!data->latin->sub.matrix || !data->latin->sub.known.kernels) PetscFunctionReturn(0);
+  PetscCall(MatGetNullSpace(data->latin->sub.matrix, &data->kernel));
+  PetscCall(PetscObjectReference((PetscObject)data->kernel));
+  PetscCall(VecDuplicate(data->work, &data->range));
+  PetscFunctionReturn(0);
+}
+
 /* Sets up decomposition, work arrays, weights and interiors. Collective on pc */
 static PetscErrorCode PCLatinBuild_Private(PC pc)
 {
@@ -105,6 +120,7 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
   n = latin->sub.bs * latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 2 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
+  PetscCall(PCLatinKernel_Private(pc));
   PetscCall(PCLatinWeights_Private(pc));
   PetscCall(PCLatinStageIs_Private(data));
   if (!data->stage) PetscCall(PCLatinInterior_Private(pc));
@@ -224,7 +240,10 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 /*
    Applies B + (1 - B K) W L W^t (1 - K B), symmetric positive definite if B is, exact or approximate. With an exact B, values of W and L in the interiors
    cancel. With data->stage, applies W L W^t alone: exact if all interface dofs are in the coarse problem. In the operators of a SNES latin slack links
-   are taut, so the elimination of the interiors is never exact: W L W^t takes a few more iterations of half the cost. Collective on pc
+   are taut, so the elimination of the interiors is never exact: W L W^t takes a few more iterations of half the cost.
+
+   Of a singular matrix, the kernel is removed before and after: the springs that hold it (subdomains/matis.c) would answer the part of a right-hand side
+   in the kernel by displacements outside it. Collective on pc
 */
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
@@ -241,6 +260,11 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     PetscFunctionReturn(0);
   }
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
+  if (data->kernel) {
+    PetscCall(VecCopy(x, data->range));
+    PetscCall(MatNullSpaceRemove(data->kernel, data->range));
+    x = data->range;
+  }
   if (data->stage) PetscCall(PCLatinStage_Private(pc, x, y));
   else {
     PetscCall(PCLatinEliminate_Private(pc, x));
@@ -248,6 +272,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     PetscCall(PCLatinExtend_Private(pc, y));
   }
   PetscCall(LatinUnassigned_Private(&latin->sub, x, y));
+  if (data->kernel) PetscCall(MatNullSpaceRemove(data->kernel, y));
   PetscFunctionReturn(0);
 }
 

@@ -17,6 +17,8 @@ typedef struct {
   LatinLocalSolvers interior;      /* solvers of the interiors, with identity rows elsewhere; none if `stage` */
   PetscReal        *v, *f, *force; /* [copies * bs] work */
   Vec               work;          /* DM global vector */
+  MatNullSpace      kernel;        /* of a singular matrix, else NULL */
+  Vec               range;         /* the argument without its part in the kernel */
 } PC_Latin;
 
 PETSC_INTERN PetscErrorCode PCLatinWeights_Private(PC);
