@@ -206,59 +206,97 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
+/* Copies the vectors of the null space to v, [kernels][rows], with a largest entry of one; isolated unknowns zero. Collective on sub->object */
+static PetscErrorCode LatinMatrixHoldVectors_Private(const LatinSubdomains *sub, PetscReal v[])
+{
+  const PetscInt rows = sub->nodes_local, n = sub->known.kernels;
+  PetscReal     *largest;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(n, &largest));
+  for (PetscInt i = 0; i < n * rows; i++) largest[i / rows] = PetscMax(largest[i / rows], PetscAbsReal(sub->known.kernel[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, largest, (PetscMPIInt)n, MPIU_REAL, MPIU_MAX, PetscObjectComm(sub->object)));
+  for (PetscInt i = 0; i < n * rows; i++) v[i] = largest[i / rows] > 0.0 ? sub->known.kernel[i] / largest[i / rows] : 0.0;
+  for (PetscInt k = 0; k < sub->unassigned_count; k++)
+    for (PetscInt j = 0; j < n; j++) v[rows * j + sub->unassigned[k]] = 0.0;
+  PetscCall(PetscFree(largest));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Finds the largest entry of the vectors that are not taken, times the weight of its row: *largest, of vector *which, in row *at here, -1: of another rank.
+   pivot: entries of all vectors in that row. Collective on sub->object
+*/
+static PetscErrorCode LatinMatrixHoldPivot_Private(const LatinSubdomains *sub, const PetscScalar weight[], const PetscReal v[], const PetscBool taken[], PetscInt *which, PetscInt *at, PetscReal *largest, PetscReal pivot[])
+{
+  MPI_Comm       comm = PetscObjectComm(sub->object);
+  const PetscInt rows = sub->nodes_local, n = sub->known.kernels;
+  struct {
+    PetscReal   value;
+    PetscMPIInt rank;
+  } mine = {0.0, 0}, best;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &mine.rank));
+  *at = -1;
+  for (PetscInt i = 0; i < n * rows; i++) {
+    const PetscReal value = PetscRealPart(weight[i % rows]) * PetscAbsReal(v[i]);
+
+    if (taken[i / rows] || !(value > mine.value)) continue;
+    mine.value = value;
+    *which     = i / rows;
+    *at        = i % rows;
+  }
+  PetscCallMPI(MPI_Allreduce(&mine, &best, 1, LatinByPrecision(MPI_DOUBLE_INT, MPI_FLOAT_INT), MPI_MAXLOC, comm));
+  *largest = best.value;
+  if (best.rank != mine.rank) *at = -1;
+  for (PetscInt k = 0; k < n && *at >= 0; k++) pivot[k] = v[rows * k + *at];
+  PetscCallMPI(MPI_Bcast(pivot, (PetscMPIInt)n, MPIU_REAL, best.rank, comm));
+  PetscCallMPI(MPI_Bcast(which, 1, MPIU_INT, best.rank, comm));
+  PetscFunctionReturn(0);
+}
+
 /*
    Adds springs to a singular matrix A with null space N, which is preconditioned as A + E a E^t: one spring for each vector of N, on unknowns E such
-   that N^t E is regular, as stiff as their diagonal entries. Gaussian elimination chooses the largest entries of N, each times the root of its
-   stiffness: springs on soft unknowns let stiff parts move far, whose rounding is forces. For a right-hand side orthogonal to N the springs carry no
-   force, so that the solution is one of A; the spectrum on the complement of N is the same. Collective on sub->object
+   that N^t E is regular, as stiff as their diagonal entries. Gaussian elimination with full pivoting chooses the largest entries of N, each times the
+   root of its stiffness: springs on soft unknowns let stiff parts move far, whose rounding is forces. It ends at rounding: vectors may depend on others
+   if they move isolated unknowns, and a spring more would hold what is free. For a right-hand side orthogonal to N the springs carry no force, so that the
+   solution is one of A; the spectrum on the complement of N is the same. Collective on sub->object
 */
 PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
 {
-  MPI_Comm           comm = PetscObjectComm(sub->object);
   const PetscInt     rows = sub->nodes_local, n = sub->known.kernels;
-  PetscReal         *v, *pivot;
-  PetscInt          *held, *copy;
-  PetscMPIInt        rank;
+  PetscReal         *v, *pivot, stiffest, largest;
+  PetscInt          *held, *copy, at, which = 0;
+  PetscBool         *taken;
   Vec                root;
   const PetscScalar *weight;
 
   PetscFunctionBegin;
   if (!n) PetscFunctionReturn(0);
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCall(MatCreateVecs(sub->matrix, NULL, &root));
   PetscCall(MatGetDiagonal(sub->matrix, root));
   PetscCall(VecSqrtAbs(root));
+  PetscCall(VecNorm(root, NORM_INFINITY, &stiffest));
   PetscCall(VecGetArrayRead(root, &weight));
   PetscCall(PetscMalloc4(n * rows, &v, n, &pivot, rows, &held, sub->copies, &copy));
-  PetscCall(PetscArraycpy(v, sub->known.kernel, n * rows));
+  PetscCall(PetscCalloc1(n, &taken));
   PetscCall(PetscArrayzero(held, rows));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++)
-    for (PetscInt j = 0; j < n; j++) v[rows * j + sub->unassigned[k]] = 0.0;
-  for (PetscInt j = 0; j < n; j++) { /* Gaussian elimination */
-    PetscInt at = -1;
-    struct {
-      PetscReal   value;
-      PetscMPIInt rank;
-    } mine = {0.0, rank}, best;
-
-    for (PetscInt i = 0; i < rows; i++)
-      if (PetscRealPart(weight[i]) * PetscAbsReal(v[rows * j + i]) > mine.value) {
-        at         = i;
-        mine.value = PetscRealPart(weight[i]) * PetscAbsReal(v[rows * j + i]);
-      }
-    PetscCallMPI(MPI_Allreduce(&mine, &best, 1, LatinByPrecision(MPI_DOUBLE_INT, MPI_FLOAT_INT), MPI_MAXLOC, comm));
-    if (!(best.value > 0.0)) continue; /* linearly dependent */
-    if (rank == best.rank) held[at] = 1;
-    for (PetscInt k = j; k < n && rank == best.rank; k++) pivot[k] = v[rows * k + at];
-    PetscCallMPI(MPI_Bcast(pivot + j, (PetscMPIInt)(n - j), MPIU_REAL, best.rank, comm));
-    for (PetscInt k = j + 1; k < n; k++)
-      for (PetscInt i = 0; i < rows; i++) v[rows * k + i] -= v[rows * j + i] * (pivot[k] / pivot[j]);
+  PetscCall(LatinMatrixHoldVectors_Private(sub, v));
+  while (PETSC_TRUE) {
+    PetscCall(LatinMatrixHoldPivot_Private(sub, weight, v, taken, &which, &at, &largest, pivot));
+    if (!(largest > PETSC_SQRT_MACHINE_EPSILON * stiffest)) break;
+    taken[which] = PETSC_TRUE;
+    if (at >= 0) held[at] = 1;
+    for (PetscInt i = 0; i < n * rows; i++)
+      if (!taken[i / rows]) v[i] -= v[rows * which + i % rows] * (pivot[i / rows] / pivot[which]);
   }
   PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, held, copy));
   for (PetscInt i = 0; i < sub->copies; i++)
     if (copy[i] && sub->kd[i] >= 0) sub->ka[sub->kd[i]] *= 2.0;
   PetscCall(VecRestoreArrayRead(root, &weight));
   PetscCall(VecDestroy(&root));
+  PetscCall(PetscFree(taken));
   PetscCall(PetscFree4(v, pivot, held, copy));
   PetscFunctionReturn(0);
 }
