@@ -292,6 +292,7 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, LatinRebuild rebu
   const LatinVariant variant = latin->inter.variant;
   PetscBool          kept    = (PetscBool)(rebuild == LATIN_REBUILD_OPERATORS);
   PetscLogDouble     start, end;
+  PetscErrorCode     ierr;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
@@ -312,10 +313,11 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, LatinRebuild rebu
   PetscCall(LatinSetUpVariant_Private(latin));
   if (latin->inter.variant != variant) kept = PETSC_FALSE;
   if (!kept) PetscCall(LatinInterfaceReset(&latin->inter));
-  PetscCall(LatinSetUpStages_Private(latin, kept));
+  ierr = LatinSetUpStages_Private(latin, kept); /* an error that the caller may turn into a failure: events must end */
   PetscCall(PetscTime(&end));
   latin->setup_seconds = end - start;
   PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
+  PetscCall(ierr);
   PetscFunctionReturn(0);
 }
 

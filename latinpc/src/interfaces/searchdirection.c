@@ -167,12 +167,18 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
   size_t                *from, *first;
   PetscInt              *columns, *theirs;
   const PetscReal      **mine;
-  PetscReal             *S, *D;
+  PetscReal             *S   = NULL, *D;
   PetscBool              bad = PETSC_FALSE;
+  PetscErrorCode         ierr;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc5(inter->count, &from, inter->count + 1, &first, inter->count, &columns, inter->count, &theirs, inter->count, &mine));
-  PetscCall(LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK || LatinDirectionCondensed(dir)), matrices, from, &S));
+  ierr = LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK || LatinDirectionCondensed(dir)), matrices, from, &S);
+  if (ierr) {
+    PetscCall(PetscFree(S));
+    PetscCall(PetscFree5(from, first, columns, theirs, mine));
+    PetscCall(ierr);
+  }
   for (PetscInt f = 0; f < inter->count; f++) {
     columns[f] = matrices[f] ? inter->interface[f].side_last - inter->interface[f].side_first : 0;
     mine[f]    = S + from[f];
@@ -247,6 +253,7 @@ PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
   const PetscReal          fraction = LatinDirectionFraction(dir);
   const LatinInterfaces   *inter    = dir->inter;
   PetscBool               *matrices;
+  PetscErrorCode           ierr = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Direction, dir->sub->object, 0, 0, 0));
@@ -264,9 +271,10 @@ PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
   dir->matrices = 0;
   for (PetscInt f = 0; f < inter->count; f++) { dir->matrices += matrices[f] && dir->sub->first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0; }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &dir->matrices, 1, MPIU_INT, MPI_SUM, PetscObjectComm(dir->sub->object)));
-  if (dir->matrices) PetscCall(LatinDirectionMatrix_Private(dir, fraction, matrices));
+  if (dir->matrices) ierr = LatinDirectionMatrix_Private(dir, fraction, matrices); /* an error that the caller may turn into a failure */
   PetscCall(PetscFree(matrices));
   PetscCall(PetscLogEventEnd(LATIN_Direction, dir->sub->object, 0, 0, 0));
+  PetscCall(ierr);
   PetscFunctionReturn(0);
 }
 

@@ -59,6 +59,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   if (data->latin && !data->shared) PetscCall(LatinReset_Private(data->latin));
   PetscCall(LatinLocalSolversDestroy(&data->interior));
   PetscCall(PCLatinClear_Private(data));
+  data->renewed = 0;
   PetscFunctionReturn(0);
 }
 
@@ -129,29 +130,45 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
   PetscFunctionReturn(0);
 }
 
+/* Error handler that copies the first message of an error to ctx, PETSC_MAX_PATH_LEN characters */
+static PetscErrorCode PCLatinHandler_Private(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode ierr, PetscErrorType type, const char *message, void *ctx)
+{
+  if (type == PETSC_ERROR_INITIAL && message) (void)PetscStrncpy((char *)ctx, message, PETSC_MAX_PATH_LEN);
+  return ierr;
+}
+
 /*
-   Sets up; with data->yields a mechanism, an error on all ranks, becomes a failure of the PC: in Newton's method taut links of an iterate may be one.
-   Collective on pc
+   Sets up. A matrix that is not positive definite is an error on all ranks, which names the cause. New values of a MATIS, in steps of Newton's method and
+   of a load, make it a failure of the PC, as of PETSc's factorisations: solvers around it may shorten the step. With data->yields it always is one: in
+   Newton's method taut links of an iterate may be a mechanism. Collective on pc
 */
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
-  PetscErrorCode ierr;
+  PC_Latin           *data                        = (PC_Latin *)pc->data;
+  const PetscObjectId before                      = data->renewed;
+  char                message[PETSC_MAX_PATH_LEN] = "";
+  PetscObjectId       matrix;
+  PetscBool           yields;
+  PetscErrorCode      ierr;
 
   PetscFunctionBegin;
   pc->failedreason = PC_NOERROR; /* PETSc 3.18 does not reset it */
   pc->setupcalled  = 0;          /* after an error the next PCSetUp() tries again */
-  if (!((PC_Latin *)pc->data)->yields) {
-    PetscCall(PCLatinBuild_Private(pc));
-    PetscFunctionReturn(0);
-  }
-  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  PetscCall(PetscObjectGetId((PetscObject)pc->pmat, &matrix));
+  yields = (PetscBool)(data->yields || (matrix == before && data->latin->sub.matrix && !pc->erroriffailure));
+  if (yields) PetscCall(PetscPushErrorHandler(PCLatinHandler_Private, message));
   ierr = PCLatinBuild_Private(pc);
-  PetscCall(PetscPopErrorHandler());
-  if (ierr != PETSC_ERR_MAT_CH_ZRPVT) PetscCall(ierr);
+  if (yields) PetscCall(PetscPopErrorHandler());
+  if (ierr && (!yields || (ierr != PETSC_ERR_MAT_CH_ZRPVT && ierr != PETSC_ERR_CONV_FAILED))) {
+    PetscCheck(!message[0], PETSC_COMM_SELF, ierr, "%s", message);
+    PetscCall(ierr);
+  }
   if (ierr) {
     PetscCall(PCReset_Latin(pc));
+    PetscCall(PetscInfo(pc, "%s\n", message));
     pc->failedreason = PC_FACTOR_NUMERIC_ZEROPIVOT;
   }
+  data->renewed = ierr ? before : matrix;
   PetscFunctionReturn(0);
 }
 
@@ -437,6 +454,9 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
   With approximate solvers of the interiors and of the coarse problem, applied once, the preconditioner is linear, symmetric and
   positive definite if they are. With inner iterations that stop early it is not linear: use a flexible method such as `KSPFCG` or
   `KSPFGMRES`. Solves of the subdomains are accurate.
+
+  A matrix that is not positive definite is an error. New values of the same `MATIS` that are not are a failure of the
+  preconditioner, `KSP_DIVERGED_PC_FAILED`, unless `KSPSetErrorIfNotConverged()` asks for an error.
 
 .seealso: `SNESLATIN`, `LatinStructureAttachPC()`, `PCShellSetLatin()`
 M*/

@@ -9,6 +9,7 @@ typedef struct {
   PetscBool         shared;        /* latin belongs to a SNES latin, which sets it up and reads its options */
   PetscBool         corrected;     /* the Krylov method corrects the error of coarse iterations: they may stop early */
   PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
+  PetscObjectId     renewed;       /* the matrix of the last set-up that has succeeded, 0: none since a reset; its next one is for new values */
   PetscBool         stage;         /* the linear stage alone is applied: shared, or exact, or without interiors */
   PetscBool         built;         /* the members below exist, if empty on a rank without subdomains */
   PetscBool         chosen;        /* options have been read since the set-up: they may select other solvers */
