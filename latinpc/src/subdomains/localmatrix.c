@@ -142,7 +142,7 @@ PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *
   PetscCall(PetscFree(largest));
   LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_SUP,
              "A local matrix of the MATIS is not symmetric: %g at row %" PetscInt_FMT ", column %" PetscInt_FMT
-             ", but %g at their exchange. -pc_type latin needs symmetric local matrices: add up the matrices of elements, and impose boundary conditions with MatZeroRowsColumns(), not MatZeroRows()",
-             (double)value[0], bad[0], bad[1], (double)value[1]);
+             ", but %g at their exchange, a difference of %g. -pc_type latin needs symmetric local matrices: add up the matrices of elements, and impose boundary conditions with MatZeroRowsColumns(), not MatZeroRows()",
+             (double)value[0], bad[0], bad[1], (double)value[1], (double)(value[1] - value[0]));
   PetscFunctionReturn(0);
 }
