@@ -64,6 +64,11 @@ HELP = {
 }
 #: Most grains of a motion
 MOVING = 5000
+SHAKEN = {
+    "discs, friction, 100 a side": ("packing", {"side": 100, "law": "friction"}),
+    "discs, much friction, 60 a side": ("packing", {"side": 60, "law": "friction", "friction": 0.9}),
+    "spheres, friction, 20 a side": ("packing", {"side": 20, "dim": 3, "law": "friction"}),
+}
 #: Scenes at the default stop
 CHAINS = {
     f"{kind}, {side} a side": ("packing", {"side": side, **options})
@@ -167,9 +172,9 @@ def moving():
     """Grains of unit mass that random velocities shake: 40 steps of 10 ms, with those that have failed."""
     found = {}
     with default_options({"ts_type": "latin", "snes_type": "latin"}):
-        for name, (scene, options) in CHAINS.items():
+        for name, (scene, options) in (CHAINS | SHAKEN).items():
             made = make(scene, **options)
-            if scene != "packing" or len(made.nodes) > MOVING:
+            if scene != "packing" or (name in CHAINS and len(made.nodes) > MOVING):
                 continue
             velocity = np.where(made.fixed, 0.0, np.random.default_rng(0).normal(0.0, 0.1, made.nodes.shape))
             structure = Structure.from_scene(replace(made, mass=np.ones(len(made.nodes)), velocity=velocity))

@@ -41,28 +41,20 @@ def test_chains_of_contacts_with_friction_are_found(name):
     assert missed(scene, found.u, found.tensions) < 1e-5
 
 
-TURNS = [(0.6, 4), (0.9, 1), (0.9, 6)]
+TURNS = [(32, 2, 0.6, 4), (32, 2, 0.9, 1), (32, 2, 0.9, 6), (48, 2, 0.3, 0), (8, 3, 0.6, 0), (10, 3, 0.9, 1)]
+
+
+def turning(side, dim, friction, seed):
+    """Make one of TURNS."""
+    return make("packing", law="friction", side=side, dim=dim, friction=friction, seed=seed)
 
 
 def test_paths_that_turn_back():
-    """Newton's path alone finds none of these three."""
-    scenes = [make("packing", law="friction", side=32, friction=mu, seed=n) for mu, n in TURNS]
-    found = [solve(scene, max_it=500) for scene in scenes]
-    solved = [pair for pair in zip(scenes, found, strict=True) if pair[1].reason > 0]
-    assert len(solved) >= 2  # rounding decides
-    assert max(missed(scene, each.u, each.tensions) for scene, each in solved) < 1e-5
-
-
-DRIFTS = [(48, 2, 0.3, 0), (8, 3, 0.6, 0), (10, 3, 0.9, 1)]
-
-
-def test_grains_that_drift_to_another_equilibrium():
-    """Lifts alone find none of these: beyond the turn of the path grains slide on, and come to rest elsewhere."""
-    keys = ("side", "dim", "friction", "seed")
-    scenes = [make("packing", law="friction", **dict(zip(keys, values, strict=True))) for values in DRIFTS]
+    """Newton's path alone finds none: friction bounds follow slowly, and grains slide to another equilibrium."""
+    scenes = [turning(*values) for values in TURNS]
     found = [solve(scene, max_it=2000) for scene in scenes]
     solved = [pair for pair in zip(scenes, found, strict=True) if pair[1].reason > 0]
-    assert len(solved) >= 2  # rounding decides
+    assert len(solved) >= len(TURNS) - 1  # rounding decides
     assert max(missed(scene, each.u, each.tensions) for scene, each in solved) < 1e-5
 
 
@@ -200,12 +192,15 @@ def overlapped(angles, gaps, friction):
     ("angles", "gaps", "friction"),
     [
         ((75, 45, 195), (0.023, 0.003, -0.003), (0.0, 0.3, 0.3)),
-        ((300, 225, 90, 0), (0.020, -0.003, -0.008, 0.016), (0.3, 0.3, 0.6, 0.0)),
+        ((300, 225, 90, 0), (0.020, -0.003, -0.008, 0.016), (0.3, 0.3, 0.3, 0.0)),
         ((180, 195, 315), (-0.009, 0.026, -0.001), (0.3, 0.9, 0.6)),
     ],
 )
 def test_where_nothing_bears(angles, gaps, friction, units):
-    """No load: all contacts open or touch, and tensions vanish, to which errors and work cannot be compared."""
+    """No load: all contacts open or touch, and tensions vanish, to which errors and work cannot be compared.
+
+    Friction does not lock the grain between the walls that it overlaps: then none of the paths may leave them.
+    """
     scene = overlapped(angles, units * np.array(gaps), friction)
     found = solve(replace(scene, nodes=units * scene.nodes))
     assert found.reason > 0
@@ -255,7 +250,7 @@ solve(overlapped((285, 315, 30, 225, 15), (-0.011, 0.019, -0.007, -0.007, -0.005
 
 def test_no_step_leaves_the_cones(mpirun):
     """Past the apex of a cone, or across it by cancellation: steps of no length would be all that is left."""
-    lengths = [float(x) for x in re.findall(r"length ([\d.e+-]+), damping", mpirun(1, SHORT, alone=True).stdout)]
+    lengths = [float(x) for x in re.findall(r"length ([\d.e+-]+), bounds", mpirun(1, SHORT, alone=True).stdout)]
     assert len(lengths) > 10
     assert min(lengths) > 1e-12
 
@@ -343,14 +338,14 @@ sys.path.insert(0, {str(Path(__file__).parent)!r})
 import petsc4py
 petsc4py.init(sys.argv)
 import latinpc
-from test_coulomb import TURNS, make, missed
+from test_coulomb import TURNS, missed, turning
 solved = 0
-for mu, seed in TURNS:
-    scene = make("packing", law="friction", side=32, friction=mu, seed=seed)
+for values in TURNS[:3]:
+    scene = turning(*values)
     structure = latinpc.Structure.from_scene(scene)
     snes = structure.create_snes()
     snes.setFromOptions()
-    snes.setTolerances(max_it=500)
+    snes.setTolerances(max_it=2000)
     u = structure.create_vec()
     snes.solve(None, u)
     moved, tensions = structure.displacements(u), latinpc.tensions(snes)

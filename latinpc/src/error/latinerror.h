@@ -191,9 +191,10 @@ typedef struct {
 
 /* Contact with friction: S, its steps, and its tangent stiffness (error/slip.c) */
 typedef struct {
-  PetscInt  link;        /* number of its normal part */
-  PetscReal S[3], dS[3]; /* rate of slip or opening, minus the tangential elongations */
-  PetscReal rhs;         /* right-hand side of X.S */
+  PetscInt  link;          /* number of its normal part */
+  PetscReal bound, dbound; /* friction bound X_0, which follows mu y */
+  PetscReal S[3], dS[3];   /* rate of slip or opening, minus the tangential elongations */
+  PetscReal rhs;           /* right-hand side of X.S */
   PetscReal inverse[4], tangent[9];
 } LatinSlip;
 
@@ -217,17 +218,14 @@ typedef struct {
   PetscReal      inside[2];      /* mean sizes of tensions y and elongations s of unilateral links at the initial point */
   PetscBool      singular;       /* A could not be factored */
   PetscInt       stages;
-  PetscInt       remedies; /* remedies used in snes/coulomb.c; odd: a lift was the last */
-  PetscReal      damping;  /* of a drift, 0: none; A gets this part of firmness */
-  Vec            firmness; /* diagonal of A with the search parameters; NULL without friction */
-  PetscReal      aim;      /* target of the mean product of a drift */
-  PetscReal     *x, *dx;   /* [n] elongations, their steps */
-  PetscReal     *t, *dt;   /* [n] tensions */
-  PetscReal     *w, *rhs;  /* [n] weights of links; work */
-  PetscReal     *give;     /* [n] c */
-  LatinBound (*side)[2];   /* [n] */
-  PetscInt   slips;        /* contacts with friction of this rank */
-  LatinSlip *slip;         /* [slips] */
+  PetscReal      follow;  /* part by which friction bounds follow mu y in a step, 1: at once (snes/coulomb.c) */
+  PetscReal     *x, *dx;  /* [n] elongations, their steps */
+  PetscReal     *t, *dt;  /* [n] tensions */
+  PetscReal     *w, *rhs; /* [n] weights of links; work */
+  PetscReal     *give;    /* [n] c */
+  LatinBound (*side)[2];  /* [n] */
+  PetscInt   slips;       /* contacts with friction of this rank */
+  LatinSlip *slip;        /* [slips] */
 } LatinPrimalDual;
 
 /* Whether link l follows a table or a law of the user, linearised in each step. With friction only; else yield tensions are bounds */
@@ -273,6 +271,7 @@ PETSC_INTERN void           LatinSlipsBegin(LatinPrimalDual *, PetscBool correct
 PETSC_INTERN void           LatinSlipsEnd(LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsLength(const LatinPrimalDual *, PetscReal *length);
 PETSC_INTERN PetscReal      LatinSlipsProducts(const LatinPrimalDual *, PetscReal length);
+PETSC_INTERN PetscReal      LatinSlipsLag(const LatinPrimalDual *);
 PETSC_INTERN void           LatinSlipsMove(LatinPrimalDual *);
 PETSC_INTERN PetscErrorCode LatinSlipsAdd_Private(const LatinPrimalDual *, Mat);
 

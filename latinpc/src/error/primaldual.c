@@ -18,7 +18,8 @@
 #define LATIN_PRIMAL_DUAL_POWER  3     /* exponent of the reduction of the mean product by the predictor step, at which the corrector step aims */
 #define LATIN_PRIMAL_DUAL_GROWS  100.0 /* growth of the regularisation after a failed solve */
 #define LATIN_SLIP_LENGTH        0.95  /* step length with friction, where the path bends, unless the mean product falls by more in the step */
-#define LATIN_SLIP_POWER         1     /* exponent with friction, except after a lift */
+#define LATIN_SLIP_POWER         1     /* exponent with friction */
+#define LATIN_SLIP_FOLLOW        3     /* exponent of c->follow: the mean product stays while friction bounds follow slowly */
 
 /* Computes the bounds on the tensions relative to the least tensions t between them (links that always pull load the structure), and c->count. Collective */
 static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
@@ -65,7 +66,6 @@ PetscErrorCode LatinPrimalDualDestroy_Private(LatinPrimalDual *c)
   const DM dm = c->structure->dm;
 
   PetscFunctionBegin;
-  PetscCall(VecDestroy(&c->firmness));
   PetscCall(DMRestoreGlobalVector(dm, &c->dd));
   PetscCall(DMRestoreGlobalVector(dm, &c->r));
   PetscCall(DMRestoreGlobalVector(dm, &c->d));
@@ -93,7 +93,7 @@ PetscErrorCode LatinPrimalDualSolve_Private(LatinPrimalDual *c, Vec b, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* Adds to the diagonal of A its rounding, for grains held only by each other have no other stiffness near a solution, and damping. Collective */
+/* Adds to the diagonal of A its rounding, for grains held only by each other have no other stiffness near a solution. Collective */
 static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
 {
   Vec diagonal;
@@ -102,7 +102,6 @@ static PetscErrorCode LatinPrimalDualShift_Private(LatinPrimalDual *c)
   PetscCall(DMGetGlobalVector(c->structure->dm, &diagonal));
   PetscCall(MatGetDiagonal(c->A, diagonal));
   PetscCall(VecScale(diagonal, LATIN_MECHANISM));
-  if (c->damping > 0.0) PetscCall(VecAXPY(diagonal, c->damping, c->firmness));
   PetscCall(MatDiagonalSet(c->A, diagonal, ADD_VALUES));
   PetscCall(DMRestoreGlobalVector(c->structure->dm, &diagonal));
   PetscFunctionReturn(0);
@@ -229,28 +228,21 @@ static void LatinPrimalDualWeights(LatinPrimalDual *c)
   LatinSlipsWeights(c);
 }
 
-/*
-   Computes *aim, the mean product at which the corrector step aims, by the predictor step. In a drift it is given, and there is no predictor step.
-   Collective
-*/
+/* Computes *aim, the mean product at which the corrector step aims, by the predictor step. Collective */
 static PetscErrorCode LatinPrimalDualPredict_Private(LatinPrimalDual *c, PetscReal *aim, PetscBool *failed)
 {
-  const PetscInt power = c->structure->has_friction && c->remedies % 2 == 0 ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER;
-  PetscReal      length, after;
+  const PetscBool slips = c->structure->has_friction;
+  PetscReal       length, after;
 
   PetscFunctionBegin;
-  *aim = PetscMin(c->mean, c->aim);
-  if (c->damping > 0.0) {
-    PetscCall(PetscArrayzero(c->dt, c->n));
-    for (PetscInt k = 0; k < 2 * c->n; k++) c->side[k / 2][k % 2].ds = 0.0;
-    for (PetscInt k = 0; k < c->slips; k++) PetscCall(PetscArrayzero(c->slip[k].dS, 3));
-    PetscFunctionReturn(0);
-  }
+  *aim = c->mean;
   PetscCall(LatinPrimalDualStep_Private(c, PETSC_FALSE, 0.0, failed));
   if (*failed) PetscFunctionReturn(0);
   PetscCall(LatinPrimalDualLength_Private(c, 1.0, &length));
   PetscCall(LatinPrimalDualMean_Private(c, length, &after));
-  *aim = PetscMax(c->least, c->mean * PetscPowRealInt(PetscMin(1.0, after / c->mean), power));
+  *aim = c->mean * PetscPowRealInt(PetscMin(1.0, after / c->mean), slips ? LATIN_SLIP_POWER : LATIN_PRIMAL_DUAL_POWER);
+  if (slips) *aim = c->mean + PetscPowRealInt(c->follow, LATIN_SLIP_FOLLOW) * (*aim - c->mean);
+  *aim = PetscMax(c->least, *aim);
   PetscFunctionReturn(0);
 }
 

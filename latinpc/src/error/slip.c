@@ -4,13 +4,14 @@
    Contacts with Coulomb friction in the interior-point method of error/primaldual.c. With y the compression of a contact, t its tangential
    tensions, x_n and x its normal and tangential elongations, and l the rate at which it slips:
 
-     X = (mu y, t),  S = (l, -x)  in the cone of the first component at least as long as the others,  X.S = 0.
+     X = (b, t),  S = (l, -x)  in the cone of the first component at least as long as the others,  X.S = 0,  b = mu y.
 
    A contact that sticks has x = 0, and one that slips mu y = |t|, x = l t / |t|: friction is not associated, x has no normal part. In the
    interior X o S = mean (1, 0), with the product of the cone, X o S = (X.S, X_0 S_r + S_0 X_r) [F. Alizadeh, D. Goldfarb]. Its
-   linearisation, without l, gives the tangential tensions, M dt = h + P dx - z dX_0, and so a tangent stiffness that is not symmetric: the
-   friction bound follows the normal tension, and not conversely. The operator is assembled, and its factors are LU. M is regularised as
-   normal tensions are. There is no energy: the path to the solution may turn back, and then steps become short.
+   linearisation, without l, gives the tangential tensions, M dt = h + P dx - z db, and so a tangent stiffness that is not symmetric: the
+   friction bound b follows the normal tension, and not conversely. The operator is assembled, and its factors are LU. M is regularised as
+   normal tensions are. There is no energy: with b = mu y the path to the solution may turn back, and then steps become short. With fixed b there is
+   one, it is convex, and steps are long. So b is an unknown of its own and follows mu y by a part of the difference: db = follow (mu (y + dy) - b).
 */
 
 /* Allocates the slips of the contacts of this rank. Not collective */
@@ -26,11 +27,17 @@ PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
   PetscFunctionReturn(0);
 }
 
-/* Computes X of a contact from the tensions t of its links, or its change from theirs */
-static void LatinSlipTensions(const LatinPrimalDual *c, const LatinSlip *slip, const PetscReal t[], PetscReal X[3])
+/* Computes X of a contact from its friction bound and the tensions t of its links, or its change from theirs */
+static void LatinSlipTensions(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal bound, const PetscReal t[], PetscReal X[3])
 {
-  X[0] = -c->structure->friction[slip->link] * t[slip->link];
+  X[0] = bound;
   for (PetscInt i = 1; i < c->structure->dim; i++) X[i] = t[slip->link + i];
+}
+
+/* Returns the part of mu y - b that a step makes up for, if the normal tension changes by dt */
+static PetscReal LatinSlipFollow(const LatinPrimalDual *c, const LatinSlip *slip, PetscReal dt)
+{
+  return -c->follow * (c->structure->friction[slip->link] * (c->t[slip->link] + dt) + slip->bound);
 }
 
 /* Returns the size of the tangential elongation of a contact */
@@ -65,7 +72,8 @@ void LatinSlipsStart(LatinPrimalDual *c)
   for (PetscInt k = 0; k < c->slips; k++) {
     LatinSlip *slip = &c->slip[k];
 
-    slip->S[0] = LatinSlipSize(c, slip) + c->inside[1];
+    slip->bound = -c->structure->friction[slip->link] * c->t[slip->link];
+    slip->S[0]  = LatinSlipSize(c, slip) + c->inside[1];
     for (PetscInt i = 1; i < c->structure->dim; i++) slip->S[i] = -c->x[slip->link + i];
   }
 }
@@ -79,7 +87,7 @@ static void LatinSlipParts(PetscInt dim, const PetscReal X[], const PetscReal S[
   for (PetscInt i = 0; i < q; i++) z[i] = S[1 + i] - X[1 + i] * S[0] / X[0];
 }
 
-/* Computes M^-1, and the tangent stiffness of the tangential parts: M^-1 P, and with the normal elongation M^-1 z mu w */
+/* Computes M^-1, and the tangent stiffness of the tangential parts: M^-1 P, and with the normal elongation M^-1 z follow mu w */
 static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscReal X[])
 {
   const PetscInt dim = c->structure->dim, q = dim - 1;
@@ -99,7 +107,7 @@ static void LatinSlipTangent(LatinPrimalDual *c, LatinSlip *slip, const PetscRea
   for (PetscInt i = 0; i < dim * dim; i++) slip->tangent[i] = 0.0;
   for (PetscInt i = 0; i < q; i++)
     for (PetscInt m = 0; m < q; m++) {
-      slip->tangent[dim * (1 + i)] += slip->inverse[q * i + m] * z[m] * c->structure->friction[slip->link] * c->w[slip->link];
+      slip->tangent[dim * (1 + i)] += slip->inverse[q * i + m] * z[m] * c->follow * c->structure->friction[slip->link] * c->w[slip->link];
       for (PetscInt j = 0; j < q; j++) slip->tangent[dim * (1 + i) + 1 + j] += slip->inverse[q * i + m] * P[q * m + j];
     }
 }
@@ -110,7 +118,7 @@ void LatinSlipsWeights(LatinPrimalDual *c)
   for (PetscInt k = 0; k < c->slips; k++) {
     PetscReal X[3];
 
-    LatinSlipTensions(c, &c->slip[k], c->t, X);
+    LatinSlipTensions(c, &c->slip[k], c->slip[k].bound, c->t, X);
     LatinSlipTangent(c, &c->slip[k], X);
   }
 }
@@ -127,8 +135,8 @@ void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, Pet
     LatinSlip *slip = &c->slip[k];
     PetscReal *own = step + slip->link, X[3], dX[3], now[3], second[3], missed[3], left[3] = {0.0}, P[4], z[2];
 
-    LatinSlipTensions(c, slip, c->t, X);
-    LatinSlipTensions(c, slip, c->dt, dX);
+    LatinSlipTensions(c, slip, slip->bound, c->t, X);
+    LatinSlipTensions(c, slip, slip->dbound, c->dt, dX);
     LatinSlipMissed(c, slip, missed);
     LatinSlipProduct(dim, X, slip->S, now);
     LatinSlipProduct(dim, dX, slip->dS, second);
@@ -136,7 +144,7 @@ void LatinSlipsBegin(LatinPrimalDual *c, PetscBool corrects, PetscReal mean, Pet
     slip->rhs = left[0];
     LatinSlipParts(dim, X, slip->S, P, z);
     for (PetscInt i = 0; i < q; i++) {
-      left[1 + i] += z[i] * c->structure->friction[slip->link] * own[0] - X[1 + i] * slip->rhs / X[0];
+      left[1 + i] -= z[i] * LatinSlipFollow(c, slip, own[0]) + X[1 + i] * slip->rhs / X[0];
       for (PetscInt j = 0; j < q; j++) left[1 + i] -= P[q * i + j] * missed[1 + j];
     }
     for (PetscInt i = 0; i < q; i++) {
@@ -158,8 +166,9 @@ void LatinSlipsEnd(LatinPrimalDual *c)
 
     for (PetscInt i = 1; i < dim; i++)
       for (PetscInt j = 0; j < dim; j++) c->dt[slip->link + i] += slip->tangent[dim * i + j] * dx[j];
-    LatinSlipTensions(c, slip, c->t, X);
-    LatinSlipTensions(c, slip, c->dt, dX);
+    slip->dbound = LatinSlipFollow(c, slip, c->dt[slip->link]);
+    LatinSlipTensions(c, slip, slip->bound, c->t, X);
+    LatinSlipTensions(c, slip, slip->dbound, c->dt, dX);
     LatinSlipMissed(c, slip, slip->dS);
     for (PetscInt i = 1; i < dim; i++) slip->dS[i] += c->regularisation * dX[i] - dx[i];
     slip->dS[0] = slip->rhs - slip->S[0] * dX[0];
@@ -191,8 +200,8 @@ void LatinSlipsLength(const LatinPrimalDual *c, PetscReal *length)
   for (PetscInt k = 0; k < c->slips; k++) {
     PetscReal X[3], dX[3];
 
-    LatinSlipTensions(c, &c->slip[k], c->t, X);
-    LatinSlipTensions(c, &c->slip[k], c->dt, dX);
+    LatinSlipTensions(c, &c->slip[k], c->slip[k].bound, c->t, X);
+    LatinSlipTensions(c, &c->slip[k], c->slip[k].dbound, c->dt, dX);
     *length = LatinSlipLongest(c->structure->dim, X, dX, *length);
     *length = LatinSlipLongest(c->structure->dim, c->slip[k].S, c->slip[k].dS, *length);
   }
@@ -207,18 +216,29 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
     const LatinSlip *slip = &c->slip[k];
     PetscReal        X[3], dX[3];
 
-    LatinSlipTensions(c, slip, c->t, X);
-    LatinSlipTensions(c, slip, c->dt, dX);
+    LatinSlipTensions(c, slip, slip->bound, c->t, X);
+    LatinSlipTensions(c, slip, slip->dbound, c->dt, dX);
     for (PetscInt i = 0; i < c->structure->dim; i++) sum += (X[i] + length * dX[i]) * (slip->S[i] + length * slip->dS[i]);
   }
   return sum;
 }
 
-/* Takes the step of S. Not collective */
+/* Takes the steps of S and of the friction bounds. Not collective */
 void LatinSlipsMove(LatinPrimalDual *c)
 {
-  for (PetscInt k = 0; k < c->slips; k++)
+  for (PetscInt k = 0; k < c->slips; k++) {
+    c->slip[k].bound += c->length * c->slip[k].dbound;
     for (PetscInt i = 0; i < c->structure->dim; i++) c->slip[k].S[i] += c->length * c->slip[k].dS[i];
+  }
+}
+
+/* Returns the sum of the squared differences mu y - b. Not collective */
+PetscReal LatinSlipsLag(const LatinPrimalDual *c)
+{
+  PetscReal sum = 0.0;
+
+  for (PetscInt k = 0; k < c->slips; k++) sum += PetscSqr(c->structure->friction[c->slip[k].link] * c->t[c->slip[k].link] + c->slip[k].bound);
+  return sum;
 }
 
 /* Adds the tangent stiffnesses of contacts to a matrix that is not assembled yet. Not collective */

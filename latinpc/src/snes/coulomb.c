@@ -2,27 +2,21 @@
 
 /*
    Contacts with Coulomb friction, by the interior-point method of error/primaldual.c and error/slip.c. Without an energy the path to the solution may
-   turn back, most often with much friction: then Newton steps become short. Two remedies take turns (LatinCoulombNext_Private):
-
-   1. Lift: the iterate moves farther inside, from where another path may lead to a solution.
-   2. Drift: beyond the turning point, at a smaller mean product, forces are not in balance, and grains slide on as in a damped motion, until they find
-      another equilibrium. A step of Newton's method with damping times firmness on the diagonal of A is one of that motion; damping falls as steps
-      become long.
-
-   Both may fail.
+   turn back, most often with much friction: then Newton steps become short. From there the friction bounds b follow mu y at a finite pace, as in
+   db / dtime = mu y(b) - b, where y(b) is the solution with fixed bounds: a convex problem, without turns. A step of this motion takes a pseudo time,
+   the pace, by the implicit Euler scheme [C. T. Kelley, D. E. Keyes: pseudo-transient continuation]. Long steps make the pace faster, short ones slower.
+   Beyond a fastest pace bounds follow at once, and steps are those of Newton's method again. Grains so leave an equilibrium that ceases to exist, and
+   slide to another one. The motion may fail to come to rest.
 */
 
 #define LATIN_COULOMB_STEPS     1000                          /* most steps */
 #define LATIN_COULOMB_SHORT     0.1                           /* steps shorter than this are short, */
 #define LATIN_COULOMB_LONG      0.5                           /* and longer than this long */
-#define LATIN_COULOMB_PATIENCE  3                             /* successive short steps that show that the path turns back */
-#define LATIN_COULOMB_LIFT      1e3                           /* growth of the mean product by a lift */
-#define LATIN_COULOMB_BEYOND    0.3                           /* factor on the mean product for a drift */
-#define LATIN_COULOMB_DAMPING   1e-5                          /* damping at first */
-#define LATIN_COULOMB_GROWS     4.0                           /* growth of the damping after a short step, */
-#define LATIN_COULOMB_FALLS     0.5                           /* and factor after a long one */
-#define LATIN_COULOMB_REST      1e-8                          /* damping that is none: the drift has come to rest */
-#define LATIN_COULOMB_DRIFTS    60                            /* most steps of a drift */
+#define LATIN_COULOMB_PATIENCE  3                             /* successive short steps of Newton's method that show that the path turns back */
+#define LATIN_COULOMB_PACE      1.0                           /* first pace, in the time in which bounds would follow by the difference mu y - b */
+#define LATIN_COULOMB_SLOWER    0.5                           /* factor on the pace after a short step, */
+#define LATIN_COULOMB_FASTER    1.5                           /* and after a long one */
+#define LATIN_COULOMB_FASTEST   20.0                          /* greatest pace; beyond, bounds follow at once */
 #define LATIN_COULOMB_REFINED   2                             /* solves for the least tensions: the first and refinement */
 #define LATIN_COULOMB_FLOOR     LatinByPrecision(1e-10, 1e-5) /* stiffness left in links, relative to their search parameters: holds grains without force */
 #define LATIN_COULOMB_CREEPS    10                            /* most steps that only creep: displacements change while tensions are constant */
@@ -31,8 +25,8 @@
 
 /* State of a run */
 typedef struct {
-  PetscReal first;         /* mean product at the initial point */
-  PetscInt  count, creeps; /* short steps, or steps of a drift; steps that only creep */
+  PetscReal pace;           /* infinite: Newton's method */
+  PetscInt  shorts, creeps; /* successive short steps; steps that only creep */
 } LatinCoulomb;
 
 /* Creates the assembled operator and its LU factors, prefix -snes_latin_friction_. Collective on snes */
@@ -58,7 +52,7 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {0.0, 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* sums: squared changes of tensions, squared tensions, work */
+  PetscReal   sum[3] = {LatinSlipsLag(c), 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* sums: squared changes of tensions and lag of friction bounds, squared tensions, work */
   PetscScalar push;
   PetscBool   rests;
 
@@ -91,67 +85,31 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_NEWTON_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
-  if (c->damping == 0.0 && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
+  if (c->follow == 1.0 && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
-  PetscCall(PetscInfo(c->structure, "length %g, damping %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)c->damping, (double)left, (double)unbalance, (double)most,
+  PetscCall(PetscInfo(c->structure, "length %g, bounds follow by %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)c->follow, (double)left, (double)unbalance, (double)most,
                       (double)newton->error, (double)newton->tensions));
   PetscFunctionReturn(0);
 }
 
-/* Lifts the point farther inside: increases all tensions and elongations at bounds by `part` of their sizes inside at the initial point. Collective */
-static PetscErrorCode LatinCoulombLift_Private(LatinPrimalDual *c, PetscReal part)
+/* Chooses the pace after a step. Not collective */
+static void LatinCoulombPace(LatinPrimalDual *c, LatinCoulomb *run)
 {
-  PetscFunctionBegin;
-  for (PetscInt k = 0; k < 2 * c->n; k++) {
-    LatinBound *at = LatinBoundAt(c, k / 2, k % 2);
+  const PetscBool newton = PetscIsInfReal(run->pace);
 
-    if (!at) continue;
-    at->y += part * c->inside[0];
-    at->s += part * c->inside[1];
-    c->t[k / 2] += LatinBoundSign(k % 2) * part * c->inside[0];
-  }
-  for (PetscInt k = 0; k < c->slips; k++) c->slip[k].S[0] += part * c->inside[1];
-  PetscCall(LatinPrimalDualElongations_Private(c));
-  PetscCall(LatinPrimalDualMean_Private(c, 0.0, &c->mean));
-  PetscFunctionReturn(0);
-}
-
-/* Changes the damping after a step of a drift, and ends the drift if it has come to rest, or after too many steps. Not collective */
-static void LatinCoulombDrift(LatinPrimalDual *c, LatinCoulomb *run)
-{
-  const PetscBool rests = (PetscBool)(c->damping <= LATIN_COULOMB_REST && c->length > LATIN_COULOMB_LONG);
-
-  if (c->length < LATIN_COULOMB_SHORT) c->damping *= LATIN_COULOMB_GROWS;
-  else if (c->length > LATIN_COULOMB_LONG) c->damping *= LATIN_COULOMB_FALLS;
-  if (!rests && ++run->count <= LATIN_COULOMB_DRIFTS) return;
-  c->damping = 0.0;
-  run->count = rests ? 0 : LATIN_COULOMB_PATIENCE - 1; /* without rest the first step must be long */
-}
-
-/* Decides after a step: Newton's method continues, or a remedy begins or ends. Collective */
-static PetscErrorCode LatinCoulombNext_Private(LatinPrimalDual *c, LatinCoulomb *run)
-{
-  PetscFunctionBegin;
-  if (c->damping > 0.0) {
-    LatinCoulombDrift(c, run);
-    PetscFunctionReturn(0);
-  }
-  run->count = c->length < LATIN_COULOMB_SHORT ? run->count + 1 : 0;
-  if (run->count < LATIN_COULOMB_PATIENCE) PetscFunctionReturn(0);
-  run->count = 0;
-  if (++c->remedies % 2) PetscCall(LatinCoulombLift_Private(c, PetscSqrtReal(LATIN_COULOMB_LIFT * c->mean / run->first)));
-  else {
-    c->damping = LATIN_COULOMB_DAMPING;
-    c->aim     = LATIN_COULOMB_BEYOND * c->mean;
-  }
-  PetscFunctionReturn(0);
+  run->shorts = c->length < LATIN_COULOMB_SHORT ? run->shorts + 1 : 0;
+  if (newton && run->shorts >= LATIN_COULOMB_PATIENCE) run->pace = LATIN_COULOMB_PACE;
+  else if (!newton && run->shorts) run->pace *= LATIN_COULOMB_SLOWER;
+  else if (c->length > LATIN_COULOMB_LONG) run->pace *= LATIN_COULOMB_FASTER;
+  if (run->pace > LATIN_COULOMB_FASTEST) run->pace = INFINITY;
+  c->follow = PetscIsInfReal(run->pace) ? 1.0 : run->pace / (1.0 + run->pace);
 }
 
 /* Takes steps until a solution or a limit. Collective */
 static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscBool *done)
 {
-  LatinCoulomb run    = {.count = 0};
+  LatinCoulomb run    = {.pace = INFINITY};
   PetscBool    failed = PETSC_FALSE;
   PetscReal    firm;
 
@@ -159,16 +117,13 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
   PetscCall(LatinConvexWeights_Private(c, newton->latin->sub.link_stiffness, &firm));
   c->floor = LATIN_COULOMB_FLOOR * firm;
   PetscCall(LatinConvexStart_Private(c, &failed));
-  PetscCall(DMCreateGlobalVector(c->structure->dm, &c->firmness));
-  PetscCall(MatGetDiagonal(c->A, c->firmness));
-  run.first = c->mean;
   for (PetscInt k = 0; k < LATIN_COULOMB_STEPS && !failed && !*done && c->stages < newton->limit - newton->stages; k++) {
     PetscCall(LatinPrimalDualIterate_Private(c, &failed));
     newton->steps++;
     if (failed) continue;
     c->mean = PetscMax(c->mean, c->least); /* less is rounding, of either sign */
     PetscCall(LatinCoulombDone_Private(c, newton, more, &run.creeps, done));
-    if (!*done) PetscCall(LatinCoulombNext_Private(c, &run));
+    if (!*done) LatinCoulombPace(c, &run);
   }
   PetscFunctionReturn(0);
 }
@@ -265,7 +220,7 @@ PetscErrorCode SNESLatinCoulomb_Private(SNES snes, SNESConvergedReason *reason)
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
   const PetscReal     *stiffness = data->latin->sub.link_stiffness;
-  LatinPrimalDual      c         = {.structure = structure};
+  LatinPrimalDual      c         = {.structure = structure, .follow = 1.0};
   PetscBool            done      = PETSC_FALSE;
 
   PetscFunctionBegin;

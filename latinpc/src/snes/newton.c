@@ -28,7 +28,8 @@
    3,000 with rigid links
 */
 #define LATIN_NEWTON_OWN 3000
-/* most links of grains with friction for the interior-point method; with more it seldom ends, and 200 of its steps take as long as the iteration */
+/* most links of grains with friction at rest for the interior-point method; with more it seldom ends, and 200 of its steps take as long as the iteration.
+   In a time step masses keep the grains apart, and it ends in some 40 */
 #define LATIN_NEWTON_GRAINS 40000
 
 /* Resets the counters before the first linear stage of a solve, and decides when Newton's method may be used. Collective on structure */
@@ -44,7 +45,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  if (structure->has_friction && !(most > 0.0)) links = structure->links_global;
+  if (structure->has_friction && !structure->ground && !(most > 0.0)) links = structure->links_global;
   newton->stall             = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && links <= LATIN_NEWTON_GRAINS);
   newton->grains            = (PetscBool)(structure->has_friction && !(most > 0.0));
   newton->collapse_searched = PETSC_FALSE;
