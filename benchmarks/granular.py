@@ -67,7 +67,6 @@ MOVING = 5000
 SHAKEN = {
     "discs, friction, 100 a side": ("packing", {"side": 100, "law": "friction"}),
     "discs, much friction, 60 a side": ("packing", {"side": 60, "law": "friction", "friction": 0.9}),
-    "spheres, friction, 20 a side": ("packing", {"side": 20, "dim": 3, "law": "friction"}),
 }
 #: Scenes at the default stop
 CHAINS = {
