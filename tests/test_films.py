@@ -6,9 +6,10 @@ import pytest
 from PIL import Image
 
 from latinpc.results.film import Film, draw_motion
+from latinpc.results.look import Scale, force_look
 from latinpc.runs.history import History
 from latinpc.runs.motion import move
-from latinpc.scenes import make
+from latinpc.scenes import Law, make
 
 
 def written(figure):
@@ -57,3 +58,11 @@ def test_films_show_the_loads_that_act():
             assert np.isclose(shafts, ends[:, None]).all(axis=2).any(axis=1).all()
     film.add(motion.frames[0])
     assert f"load ({len(loaded)}), largest" in written(film.figure)
+
+
+def test_contacts_that_bear_rounding_are_not_dashed():
+    """Dashes are as long as lines are wide: those of a width of rounding have no end, and drawing had none."""
+    tensions = np.array([-1e-15, -1.0, 0.0])
+    _, widths, styles = force_look(np.full(3, Law.CONTACT), tensions, tensions > -1e-9, Scale(tensions))
+    assert list(widths > 0.0) == [False, True, False]
+    assert all(dashes is None for _, dashes in styles)

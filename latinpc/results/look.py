@@ -100,7 +100,7 @@ def force_look(law, tensions, loose, scale):
     widths = widths_of(law)
     widths[loose] = 1.25 * thin
     touch = np.isin(law, TOUCHING)
-    push = np.maximum(-tensions[touch], 0.0)
+    push = np.where(loose, 0.0, np.maximum(-tensions, 0.0))[touch]  # dashes of rounding's width would have no end
     widths[touch] = 6.0 * thin * push / max(scale.largest, 1e-300)
     dashed = len(tensions) <= MANY_LINKS
     wide = widths > 0.0  # dashes are as long as lines are wide: PDF and SVG know none of no length
