@@ -148,7 +148,6 @@ OTHERS = {
         "iterations",
         "One for each number of copies of a node and pattern of its interfaces: 2 on the grid and networks.",
     ),
-    "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
     "LATIN_ROOT_MOST": (
         "steps",

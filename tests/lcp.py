@@ -124,13 +124,12 @@ def step(scene, h):
     )  # contacts push where cables pull
     bar, rigid = scene.law == Law.BAR, np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     B, strain = sign[:, None] * B, sign * (e_d + scene.initial_elongation)
-    unilateral = ~bar & ~(rigid & (strain < 0.0))  # (10): a rigid link that is slack bears nothing
     W = B @ (B / mass).T
     soft = np.zeros(len(bar))
     soft[~rigid] = 1.0 / (h * h * scene.stiffness[~rigid])
     start = h * (B @ (scene.load[free] / mass)) - (-B @ scene.velocity[free])  # h F - eta-
-    strain = np.where(rigid, 0.0, strain) / h
-    c, b = np.flatnonzero(unilateral), np.flatnonzero(bar)
+    strain = np.where(rigid, np.minimum(strain, 0.0), strain) / h  # rigid links: no further than they are
+    c, b = np.flatnonzero(~bar), np.flatnonzero(bar)
     tilde, right = W[np.ix_(c, c)] + np.diag(soft[c]), start[c] + strain[c]
     if len(b):
         inverse = np.linalg.inv(W[np.ix_(b, b)] + np.diag(soft[b]))

@@ -175,13 +175,11 @@ def _laws(scene, x, rate, tension, closed, force, far):
     sign = np.where(scene.law == Law.INEXTENSIBLE, 1.0, -1.0)
     normal = np.flatnonzero(np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)))
     for i in normal:
-        gap, push, opening = -sign[i] * x[i], sign[i] * tension[i] / force, -sign[i] * rate[i] / far
+        push, gap = sign[i] * tension[i] / force, -sign[i] * x[i]
         if abs(gap - closed) <= 1e-6 * (abs(x[i]) + closed) and push == 0.0:
             continue
-        if gap > closed:
-            yield f"open {i}", abs(push)
-        else:
-            yield f"closed {i}", max(-push, -opening, min(abs(push), abs(opening)))
+        left = ((gap if gap > closed else 0.0) - sign[i] * rate[i]) / far
+        yield f"gap {i}", max(-push, -left, min(abs(push), abs(left)))
         if scene.law[i] != Law.FRICTION:
             continue
         part = slice(i + 1, i + scene.dim)

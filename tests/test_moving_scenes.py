@@ -325,20 +325,35 @@ def test_gaps_that_count_as_closed_are_noticed(law):
     assert not move(make("impact-grid", modules=4), 1).notices
 
 
-@pytest.mark.parametrize("law", ["contact", "inextensible"])
-def test_missed_gaps_are_those_of_a_fall(law):
-    """A mass that reaches its stop within a step stays as far beyond it as that step has gone."""
-    sign = 1.0 if law == "contact" else -1.0
+@pytest.mark.parametrize("law", ["contact", "inextensible", "friction"])
+def test_a_ball_lands_where_its_gap_ends(law):
+    """It falls freely until the step that would overlap; that one ends at the gap, and the next one at rest."""
+    parts = 2 if law == "friction" else 1
+    sign = -1.0 if law == "inextensible" else 1.0
     scene = Scene(
-        name="fall", nodes=[[0.0], [1.0]], links=[[0, 1]], law=law, stiffness=0.0, initial_elongation=0.0505 * sign,
-        fixed=[[1], [0]], mass=[0.0, 2.0], velocity=[[0.0], [-1.0 * sign]],
+        name="ball", nodes=[[0.0, 0.0], [1.0, 0.0]], links=[[0, 1]] * parts, law=[law, "tangent"][:parts],
+        stiffness=[0.0] * parts, initial_elongation=[0.05 * sign, 0.0][:parts],
+        direction=[[1.0, 0.0], [0.0, 1.0]][:parts], friction=[0.3, 0.0][:parts], fixed=[[1, 1], [0, 1]],
+        load=[[0.0, 0.0], [-9.81 * sign, 0.0]], mass=[0.0, 1.0],
     )  # fmt: skip
-    for steps, beyond, text in ((10, 0.0095, "9.5 mm"), (100, 0.0005, "500 µm")):
-        fall = move(scene, steps, 0.1 / steps)
-        way = np.minimum(np.arange(1, steps + 1) * 0.1 / steps, 0.0505 + beyond)
-        assert fall.report["missed_gaps"] == pytest.approx(np.maximum(way - 0.0505, 0.0), abs=1e-12)
-        assert f"rigid links    miss their gaps by up to {text}" in str(fall)
-    assert move(make("impact-grid", modules=4, contact="elastic"), 1).report["missed_gaps"] == []
+    h = 0.01
+    fall = move(scene, 20, h, every=1)
+    way = np.minimum(9.81 * h**2 * np.cumsum(np.arange(1, 21)), 0.05)
+    assert -sign * np.array([frame.displacements[1, 0] for frame in fall.frames[-20:]]) == pytest.approx(way)
+    speed = np.diff(way, prepend=0.0) / h
+    assert -sign * np.array([frame.velocities[1, 0] for frame in fall.frames[-20:]]) == pytest.approx(speed, abs=1e-9)
+
+
+def test_what_overlaps_at_the_start_stays():
+    """To push it apart would give it energy; it opens without resistance."""
+    scene = Scene(
+        name="overlap", nodes=[[0.0], [1.0], [2.0], [3.0]], links=[[0, 1], [2, 3]], law="contact", stiffness=0.0,
+        initial_elongation=[-0.01, -0.01], fixed=[[1], [0], [1], [0]], load=[[0.0], [-1.0], [0.0], [1.0]],
+        mass=[0.0, 2.0, 0.0, 2.0],
+    )  # fmt: skip
+    last = move(scene, 5, 0.1).frames[-1]
+    assert last.displacements[:, 0] == pytest.approx([0.0, 0.0, 0.0, 0.5 * 0.1**2 * 15], abs=1e-12)
+    assert last.tensions == pytest.approx([-1.0, 0.0])
 
 
 def test_a_motion_prints_its_summary():

@@ -242,8 +242,6 @@ def summary_of_motion(result, verbose=False):
     if report["active"]:
         most = f"{max(report['active']):,} at most"
         lines.append(("active links", f"{report['active'][-1]:,} taut cables and closed contacts at the end, {most}"))
-    if report["missed_gaps"]:
-        lines.append(("rigid links", f"miss their gaps by up to {quantity(max(report['missed_gaps']), 'm')}"))
     per_step = report["seconds"] / max(report["steps"], 1)
     memory = quantity(report["peak_memory_bytes"], "B")
     lines.append(("time", f"{quantity(report['seconds'], 's')}, {quantity(per_step, 's')} a step; memory {memory}"))

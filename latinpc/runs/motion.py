@@ -129,8 +129,7 @@ def move(
         Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, solver, steps, step, time, converged, reason, iterations (of each
         step), iterations_mean, kinetic_energy and potential_energy (at the start and after each step), active (links
-        that can be slack and are not, after each step), missed_gaps (the largest distance by which rigid links miss
-        their gaps after each step, m), from_equilibrium, history (times and factors),
+        that can be slack and are not, after each step), from_equilibrium, history (times and factors),
         first_step_seconds (with the set-up), seconds, peak_memory_bytes, versions, options. What does not apply is
         None.
 
@@ -223,14 +222,12 @@ class _Recorder:
     def __init__(self, scene, structure, ts, steps, every, each_step, keeper, acting):
         self.scene, self.structure, self.ts, self.keeper, self.acting = scene, structure, ts, keeper, acting
         self.past = {"iterations": [], "kinetic_energy": [], "potential_energy": [], "active": []}
-        self.past["missed_gaps"] = []
         self.frames = []
         self.first_end = None  # clock after the first step
         self.seconds = 0.0  # spent here, not on the motion
         self._speeds = 0.0  # of supports, in the last step that has converged
         self._steps, self._every, self._each_step = steps, every, each_step
         self._unilateral = np.isin(scene.law, UNILATERAL)
-        self._rigid = np.isin(scene.law, RIGID) & (scene.law != Law.TANGENT)
 
     def _tensions(self, u):
         return solvers.step_tensions(self.ts) if self.ts.getType() == "latin" else self.structure.tensions(u)
@@ -261,9 +258,6 @@ class _Recorder:
         if number and self._unilateral.any():
             loose = slack(self.scene, self._tensions(u))
             self.past["active"].append(int(np.count_nonzero(self._unilateral & ~loose)))
-        if number and self._rigid.any() and self.structure.geometry == "linear":
-            gap = _gaps(self.structure, self.structure.displacements(u))[self._rigid]
-            self.past["missed_gaps"].append(float(max(-gap.min(), 0.0)))
         if number == self._steps or (self._every and number % self._every == 0):
             self.add_frame(number)
         if self._each_step is not None:
@@ -380,12 +374,6 @@ def _thrown(scene):
     return [f"the initial velocity of {named} moves nothing, as {it} one"]
 
 
-def _gaps(structure, u):
-    """Return what links of displacements u may still close, or stretch if inextensible (m)."""
-    x = elongations(structure, u) + structure.initial_elongation
-    return np.where(structure.law == Law.INEXTENSIBLE, -x, x)
-
-
 def _closed(structure, ts):
     """Return a sentence on gaps that the first step takes for closed ones: those that are small beside its flight.
 
@@ -402,7 +390,8 @@ def _closed(structure, ts):
     np.subtract.at(force, structure.links[:, 1], pull * structure.directions)
     inverse = np.divide(1.0, structure.mass, where=structure.mass > 0.0, out=np.zeros(len(u)))[:, None]
     flight = np.abs(np.where(free, h * v + h**2 * force * inverse, 0.0)).max()
-    gap = _gaps(structure, u)
+    x = elongations(structure, u) + structure.initial_elongation
+    gap = np.where(structure.law == Law.INEXTENSIBLE, -x, x)
     links = np.flatnonzero(normal & (gap > CLOSED * np.abs(u).max()) & (gap > 0.0) & (gap <= CLOSED * flight))
     if not len(links):
         return []

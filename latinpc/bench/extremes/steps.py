@@ -23,8 +23,8 @@ REST = max(1e-6, EPSILON / ACCURACY)  # of what moved before, or would without l
 def as_statics(scene, u, v):
     """Make the structure whose displacements are h v+ in the step of length h from displacements u and velocities v.
 
-    Nodes stand on springs M / h^2, links start from their present strains; rigid ones that are open bear nothing,
-    others must not close further, condition (10).
+    Nodes stand on springs M / h^2, links start from their present strains; rigid ones must not close, or stretch, by
+    more than they are now.
 
     Parameters
     ----------
@@ -44,16 +44,16 @@ def as_statics(scene, u, v):
     flight = np.abs(_elastic(scene, u, force) * h**2 / np.where(free, scene.mass[:, None], np.inf)).max(initial=0.0)
     x = elongations(scene, u) + scene.initial_elongation
     rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
-    kept = ~(rigid & (np.where(scene.law == Law.INEXTENSIBLE, -x, x) > CLOSED * flight))
+    closed = rigid & (np.where(scene.law == Law.INEXTENSIBLE, -x, x) <= CLOSED * flight)
     springs = np.column_stack([np.full(dim * len(heavy), n), np.repeat(heavy, dim)])
     return replace(
         scene,
         nodes=np.vstack([scene.nodes, scene.nodes[:1]]),  # the ground
-        links=np.vstack([scene.links[kept], springs]),
-        law=np.append(scene.law[kept], np.full(len(springs), Law.BAR)),
-        stiffness=np.append(scene.stiffness[kept], np.repeat(scene.mass[heavy], dim) / h**2),
-        initial_elongation=np.append(np.where(rigid, 0.0, x)[kept], np.zeros(len(springs))),
-        direction=np.vstack([scene.directions[kept], np.tile(np.eye(dim), (len(heavy), 1))]),
+        links=np.vstack([scene.links, springs]),
+        law=np.append(scene.law, np.full(len(springs), Law.BAR)),
+        stiffness=np.append(scene.stiffness, np.repeat(scene.mass[heavy], dim) / h**2),
+        initial_elongation=np.append(np.where(closed, 0.0, x), np.zeros(len(springs))),
+        direction=np.vstack([scene.directions, np.tile(np.eye(dim), (len(heavy), 1))]),
         fixed=np.vstack([scene.fixed, np.ones((1, dim), bool)]),
         prescribed=None,
         load=np.vstack([force, np.zeros((1, dim))]),

@@ -84,7 +84,7 @@ PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal
 }
 
 /*
-   Finds whether u is larger than the structure, the prescribed displacements and, in statics, all gaps together. Few solutions are, in a theory of
+   Finds whether u is larger than the structure, the prescribed displacements and all gaps together. Few solutions are, in a theory of
    small displacements; only these need a proof. Collective on structure
 */
 PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, PetscBool *far)
@@ -94,7 +94,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionBegin;
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (!structure->ground && LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]); /* infinite in a step in which a link is not active */
+    if (LatinLaws[structure->law[l]].rigid) gaps += PetscAbsReal(structure->e0[l]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &gaps, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   *far = (PetscBool)(most > PetscMax(size, PetscMax(prescribed, gaps)));
@@ -285,12 +285,12 @@ static PetscErrorCode LatinJudgeSums_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionReturn(0);
 }
 
-/* Whether a motion is at rest: rounding of the forces moves it by more than the target error */
+/* Whether a motion is at rest: rounding of the forces moves it by more than the target error. Not if it exceeds the loads: tensions have grown without end */
 static PetscBool LatinJudgeRests(const LatinNodalJudge *judge, PetscReal target)
 {
   const LatinNodalSums *sum = &judge->sum;
 
-  if (!judge->links.latin->sub.structure->ground) return PETSC_FALSE;
+  if (!judge->links.latin->sub.structure->ground || (sum->load > 0.0 && sum->hidden > sum->load)) return PETSC_FALSE;
   return (PetscBool)(PetscSqr(target) * sum->u[0] <= sum->hides[0] && PetscSqr(target) * sum->u[1] <= sum->hides[1] && 0.5 * PetscSqr(target * judge->links.gap) <= sum->hides[1]);
 }
 

@@ -239,16 +239,10 @@ static inline PetscReal LatinBoundSign(PetscInt side)
   return side ? -1.0 : 1.0;
 }
 
-/* Whether link l has no tension in a time step, open at its start: its gap is infinite */
-static inline PetscBool LatinPrimalDualOpen(const LatinPrimalDual *c, PetscInt l)
-{
-  return (PetscBool)(LatinLaws[c->structure->law[l]].rigid && PetscAbsReal(c->structure->e0[l]) > LATIN_FAR);
-}
-
-/* Whether link l is the normal part of a contact that may slip: it has friction and is not open */
+/* Whether link l is the normal part of a contact that may slip */
 static inline PetscBool LatinSlipMay(const LatinPrimalDual *c, PetscInt l)
 {
-  return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1 && !LatinPrimalDualOpen(c, l));
+  return (PetscBool)(c->structure->law[l] == LATIN_LAW_FRICTION && c->structure->friction[l] > 0.0 && c->structure->dim > 1);
 }
 
 /* Returns the bound on a side of link l. NULL: none there, or the tension is constant */

@@ -16,6 +16,7 @@
 
 #define LATIN_PRIMAL_DUAL_LENGTH 0.995 /* step length, relative to the longest step with all s and y >= 0 */
 #define LATIN_PRIMAL_DUAL_POWER  3     /* exponent of the reduction of the mean product by the predictor step, at which the corrector step aims */
+#define LATIN_PRIMAL_DUAL_RISE   2.0   /* largest growth of the mean product in a step: near a singular operator a short step ends far from all paths */
 #define LATIN_PRIMAL_DUAL_GROWS  100.0 /* growth of the regularisation after a failed solve */
 #define LATIN_SLIP_LENGTH        0.95  /* step length with friction, where the path bends, unless the mean product falls by more in the step */
 #define LATIN_SLIP_POWER         1     /* exponent with friction */
@@ -27,10 +28,10 @@ static PetscErrorCode LatinPrimalDualBounds_Private(LatinPrimalDual *c)
   PetscFunctionBegin;
   c->count = (PetscReal)c->slips;
   for (PetscInt l = 0; l < c->n; l++) {
-    PetscReal bound[2] = {0.0, 0.0}; /* 0: tangential parts of contacts, see error/slip.c, and open links */
+    PetscReal bound[2] = {0.0, 0.0}; /* 0: tangential parts of contacts, see error/slip.c */
 
     if (LatinPrimalDualFollows(c, l)) bound[0] = -(bound[1] = INFINITY);
-    else if (c->structure->law[l] != LATIN_LAW_TANGENT && !LatinPrimalDualOpen(c, l)) LatinLinkBounds(c->structure, l, bound);
+    else if (c->structure->law[l] != LATIN_LAW_TANGENT) LatinLinkBounds(c->structure, l, bound);
     c->t[l] = PetscMin(PetscMax(0.0, bound[0]), bound[1]);
     for (PetscInt i = 0; i < 2; i++) c->side[l][i].bound = bound[i] - c->t[l];
     for (PetscInt i = 0; i < 2; i++) c->count += LatinBoundAt(c, l, i) ? 1.0 : 0.0;
@@ -215,6 +216,20 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
   PetscFunctionReturn(0);
 }
 
+/* Shortens the step until the mean product grows by no more than LATIN_PRIMAL_DUAL_RISE in it, and updates c->mean. Collective */
+static PetscErrorCode LatinPrimalDualBounded_Private(LatinPrimalDual *c)
+{
+  const PetscReal most = LATIN_PRIMAL_DUAL_RISE * c->mean;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
+  while (c->mean > most) {
+    c->length *= 0.5;
+    PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
+  }
+  PetscFunctionReturn(0);
+}
+
 /* Computes the weights W of links and the tangent stiffnesses of contacts. Not collective */
 static void LatinPrimalDualWeights(LatinPrimalDual *c)
 {
@@ -272,7 +287,7 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *fai
   if (*failed) PetscFunctionReturn(0);
   if (c->structure->has_friction) back = PetscMin(back, PetscMax(LATIN_SLIP_LENGTH, 1.0 - aim / c->mean));
   PetscCall(LatinPrimalDualLength_Private(c, back, &c->length));
-  PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
+  PetscCall(LatinPrimalDualBounded_Private(c));
   PetscCall(VecAXPY(c->d, c->length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] += c->length * c->dt[l];

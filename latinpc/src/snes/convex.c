@@ -39,14 +39,14 @@ PetscErrorCode LatinConvexStart_Private(LatinPrimalDual *c, PetscBool *failed)
   PetscCall(VecZeroEntries(c->d));
   PetscCall(LatinPrimalDualOperator_Private(c, PETSC_FALSE));
   PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
-  for (PetscInt l = 0; l < c->n; l++) c->t[l] = LatinPrimalDualOpen(c, l) ? 0.0 : c->w[l] * c->x[l];
+  for (PetscInt l = 0; l < c->n; l++) c->t[l] = c->w[l] * c->x[l];
   PetscCall(LatinStructureForces_Private(c->structure, c->t, c->d, NULL, c->r));
   PetscCall(VecAYPX(c->r, -1.0, c->f));
   PetscCall(LatinPrimalDualSolve_Private(c, c->r, failed));
   PetscCall(VecCopy(c->dd, c->d));
   PetscCall(LatinStructureStrains_Private(c->structure, c->d, c->x));
   for (PetscInt l = 0; l < c->n; l++) {
-    c->t[l] = c->structure->law[l] == LATIN_LAW_TANGENT || LatinPrimalDualOpen(c, l) ? 0.0 : c->w[l] * c->x[l];
+    c->t[l] = c->structure->law[l] == LATIN_LAW_TANGENT ? 0.0 : c->w[l] * c->x[l];
     if (!LatinBoundAt(c, l, 0) && !LatinBoundAt(c, l, 1)) continue;
     sum[0] += PetscSqr(c->t[l]);
     sum[1] += PetscSqr(c->x[l]);

@@ -48,13 +48,14 @@ static PetscErrorCode LatinCoulombCreate_Private(SNES snes, LatinPrimalDual *c)
 /*
    Checks whether the point is a solution: products and unbalance are small, and the last step changed displacements and tensions by less than the
    requested errors. If displacements creep while tensions are constant, the point is one of a continuum of solutions: grains without forces, or that
-   slide along two opposite ones. *creeps: number of such steps, except those in which displacements halve, which lead to rest. Collective
+   slide along two opposite ones; if tensions creep while nothing moves, of another one: self-stresses. *creeps: number of such steps, except those in
+   which displacements or tensions halve, which lead to rest. Collective
 */
 static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *newton, Vec more, PetscInt *creeps, PetscBool *done)
 {
-  PetscReal   sum[3] = {LatinSlipsLag(c), 0.0, 0.0}, moved, size, least, work, left, goal, unbalance, most; /* sums: squared changes of tensions and lag of friction bounds, squared tensions, work */
+  PetscReal   sum[4] = {0.0, 0.0, 0.0, LatinSlipsLag(c)}, moved, size, least, work, left, goal, unbalance, most; /* sums: squared changes of tensions, squared tensions, work, squared lag of friction bounds */
   PetscScalar push;
-  PetscBool   rests;
+  PetscBool   rests, still, same, creep;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
@@ -66,7 +67,7 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
     /* elastic links at a kink of their law have other tensions in the interior */
     c->dx[l] = LatinLaws[c->structure->law[l]].rigid ? c->t[l] : LatinStructureTension(c->structure, NULL, l, strain);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   sum[1] = PetscMax(sum[1], PetscSqr(PETSC_MACHINE_EPSILON * c->inside[0]) * c->count);      /* without tensions: rounding of those of the initial point, */
   sum[2] = PetscMax(sum[2], PETSC_MACHINE_EPSILON * c->inside[0] * c->inside[1] * c->count); /* and of their work */
   PetscCall(LatinStructureForces_Private(c->structure, c->dx, c->d, c->structure->load, c->r));
@@ -78,14 +79,17 @@ static PetscErrorCode LatinCoulombDone_Private(LatinPrimalDual *c, LatinNewton *
   PetscCall(LatinEquilibriumPoint_Private(c->structure, &least));
   PetscCall(LatinStepRests_Private(c->structure, c->dd, PetscSqrtReal(sum[1]), &rests));
   newton->error    = size > 0.0 ? moved / size : 0.0;
-  newton->tensions = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  newton->tensions = sum[1] > 0.0 ? PetscSqrtReal((sum[0] + sum[3]) / sum[1]) : 0.0;
   work             = sum[2] + PetscAbsScalar(push);
   left             = c->mean * c->count / work;
   goal             = PetscMin(LATIN_CONVEX_GAP, PetscMax(PetscSqr(newton->target), LATIN_COULOMB_GAP_LEAST));
   c->least         = LATIN_COULOMB_LEAST * goal * work / c->count;
   most             = PetscMax(PetscMin(newton->balance, newton->tension_target * PetscSqrtReal(sum[1])), LATIN_NEWTON_REST * PetscSqrtReal(sum[1]));
   *done            = PETSC_FALSE;
-  if (c->follow == 1.0 && left <= goal && unbalance <= most && newton->tensions <= newton->tension_target) *done = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests || (moved <= size && ++*creeps > LATIN_COULOMB_CREEPS));
+  still            = (PetscBool)(moved <= PetscMax(newton->target * size, least) || rests);
+  same             = (PetscBool)(newton->tensions <= newton->tension_target);
+  creep            = (PetscBool)(still != same && moved <= size && newton->tensions <= 1.0 && sum[3] <= PetscSqr(newton->tension_target) * sum[1]);
+  if (c->follow == 1.0 && left <= goal && unbalance <= most) *done = (PetscBool)((still && same) || (creep && ++*creeps > LATIN_COULOMB_CREEPS));
   if (*done && size <= least && moved > newton->target * size) PetscCall(VecZeroEntries(c->d)); /* nothing moves */
   if (*done) newton->error = PetscMin(newton->error, PetscSqrtReal(left));
   PetscCall(PetscInfo(c->structure, "length %g, bounds follow by %g: products %g of the work, unbalance %g of %g, displacements change by %g, tensions by %g\n", (double)c->length, (double)c->follow, (double)left, (double)unbalance, (double)most,
@@ -131,14 +135,12 @@ static PetscErrorCode LatinCoulombRun_Private(LatinPrimalDual *c, LatinNewton *n
 /* Returns whether the rigid link l is open: its tension is small beside its elongation. Not collective */
 static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscReal stiffness)
 {
-  PetscBool open = LatinPrimalDualOpen(c, l);
-
   for (PetscInt i = 0; i < 2; i++) {
     const LatinBound *at = LatinBoundAt(c, l, i);
 
-    open = (PetscBool)(open || (at && at->y < stiffness * at->s));
+    if (at && at->y < stiffness * at->s) return PETSC_TRUE;
   }
-  return open;
+  return PETSC_FALSE;
 }
 
 /*

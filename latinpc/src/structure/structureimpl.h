@@ -161,7 +161,7 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
 }
 
 #define LATIN_SLACK -1.0 /* in `slope`: the link bears nothing, whatever its strain */
-#define LATIN_FAR   1e30 /* a length: a strain beyond every gap but those of LATIN_STEP_FAR, for the behaviour of laws at infinity */
+#define LATIN_FAR   1e30 /* a length: a strain beyond every gap, for the behaviour of laws at infinity */
 
 /* Returns the tangent stiffness of a link of strain x, elastic, or a spring in the method of multipliers */
 static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)

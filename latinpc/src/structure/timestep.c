@@ -9,14 +9,13 @@
    static structure with springs M / h^2 between nodes and the ground, another load, other initial elongations, and the increments of prescribed
    displacements. It is a LatinStructure of its own, which shares mesh and laws with its base, the structure in motion.
 
-   Rigid links follow Moreau's condition (10). A link that is slack, or open, at the start of the step has no tension in it. For any other one the law
-   holds for w itself: it must not be stretched, or closed, further. In w supports move by the increments of their prescribed displacements, so that they
-   push and pull. Both cases are initial elongations again, infinite and zero: operators do not change. A closed contact must not open by the error of a
-   solver: gaps count as closed up to LATIN_STEP_CLOSED of the flight, the largest displacement of the step without rigid links.
+   Rigid links are no exception: at the end of the step contacts must not be closed, nor inextensible cables stretched, by more than at its start. This is
+   (3), to which (11) tends for large stiffnesses. Moreau's condition (10) tests gaps at the start of the step instead, so that contacts overlap by the
+   way of a step. What overlaps at the start may stay so: to push it apart would add energy. Nor must grains at rest move by the error of a solver: gaps
+   count as closed up to LATIN_STEP_CLOSED of the flight, the largest displacement of the step without rigid links.
 */
 
 #define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* largest relative difference, by rounding, of equal 1 / h^2 */
-#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: gap of a link that is not active in a step */
 #define LATIN_STEP_CLOSED 1e-4                         /* largest gap of closed contacts, relative to the flight; with 4e-4 two motions of the catalogue fail */
 
 /*@C
@@ -239,10 +238,9 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
 /* Returns the initial elongation of a link in a step, x: strain e- + e0 at its start; gaps up to `closed` count as zero */
 static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed)
 {
-  if (!LatinLaws[law].rigid) return x; /* (9), (11) */
-  if (law == LATIN_LAW_INEXTENSIBLE) return x < -closed ? -LATIN_STEP_FAR : 0.0;
+  if (!LatinLaws[law].rigid) return x;      /* (9), (11) */
   if (law == LATIN_LAW_TANGENT) return 0.0; /* friction opposes the velocity */
-  return x > closed ? LATIN_STEP_FAR : 0.0;
+  return (law == LATIN_LAW_INEXTENSIBLE ? -x : x) > closed ? x : 0.0;
 }
 
 /*
