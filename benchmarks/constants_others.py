@@ -226,7 +226,7 @@ OTHERS = {
         "size of the structure",
         "Where a node without equilibrium is drawn: any number well above one.",
     ),
-    "LATIN_LOOSE_LINKS": ("of a node", "Networks have 20 at most; the time grows with the square."),
+    "LATIN_LOOSE_LINKS": ("of a node", "Room: networks have 20 at most."),
     "LATIN_PATCH_NODES": (
         "of a patch",
         "A node of a network of 7,000 and its neighbours are 9.5 on average, 17 at most; of a grid 9.9 and 13.",

@@ -155,3 +155,42 @@ void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, c
     while (!LatinConeMove(c, both)) LatinConeDrop(c, both, f);
   }
 }
+
+/*
+   Returns whether the residual c->r of LatinConeProject() proves that there is no equilibrium, by LatinCollapseProves(). Normalises it. largest: largest
+   load of the structure; A: work, [n][n], for the stiffness if all links are bars
+*/
+PetscBool LatinConeProves(LatinCone *c, PetscInt links, PetscInt both, const PetscReal f[], PetscReal largest, PetscReal A[])
+{
+  const PetscInt n    = c->n;
+  PetscReal      size = 0.0, tension = 0.0, push = 0.0, resisted = 0.0, all = 0.0;
+
+  for (PetscInt i = 0; i < n * n; i++) A[i] = 0.0;
+  for (PetscInt l = 0; l < links; l++)
+    for (PetscInt j = 0; j < n; j++) {
+      const PetscReal *row = c->row + n * l;
+
+      for (PetscInt i = j; row[j] != 0.0 && i < n; i++) A[i + n * j] += row[i] * row[j];
+    }
+  if (!LatinCholesky(n, A)) return PETSC_FALSE;
+  for (PetscInt i = 0; i < n; i++) { /* f = L y, and f.A^-1 f = y.y */
+    PetscReal *y = c->along;
+
+    y[i] = f[i];
+    for (PetscInt j = 0; j < i; j++) y[i] -= A[i + n * j] * y[j];
+    y[i] /= A[i + n * i];
+    tension += PetscSqr(y[i]);
+    size += PetscSqr(c->r[i]);
+  }
+  for (PetscInt i = 0; i < n; i++) {
+    c->r[i] /= PetscSqrtReal(size);
+    push += f[i] * c->r[i];
+  }
+  for (PetscInt l = 0; l < links; l++) {
+    const PetscReal x = LatinConeDot(n, c->row + n * l, c->r);
+
+    all += x * x;
+    if (l < both || x > 0.0) resisted += x * x;
+  }
+  return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), largest / PetscSqrtReal(tension), resisted, all));
+}

@@ -281,7 +281,8 @@ typedef struct {
   PetscReal *t, *next;     /* [n] tensions of the basis: feasible, least-squares */
   PetscInt  *link, *state; /* [n] links in the basis; [links] LATIN_CONE_ state */
 } LatinCone;
-PETSC_INTERN void LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
+PETSC_INTERN void      LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
+PETSC_INTERN PetscBool LatinConeProves(LatinCone *, PetscInt links, PetscInt both, const PetscReal f[], PetscReal largest, PetscReal A[]);
 
 PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt most, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);

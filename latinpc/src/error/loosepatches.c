@@ -134,43 +134,6 @@ static void LatinPatchRows(LatinPatch *p)
   p->links = count; /* from here on the number of rows */
 }
 
-/* Returns whether the residual r of the cone is a proof. Normalises r */
-static PetscBool LatinPatchProves(LatinPatch *p)
-{
-  const PetscInt n    = p->unknowns;
-  PetscReal      size = 0.0, tension = 0.0, push = 0.0, resisted = 0.0, all = 0.0;
-
-  for (PetscInt i = 0; i < n * n; i++) p->A[i] = 0.0;
-  for (PetscInt l = 0; l < p->links; l++)
-    for (PetscInt j = 0; j < n; j++) {
-      const PetscReal *row = p->cone.row + n * l;
-
-      for (PetscInt i = j; row[j] != 0.0 && i < n; i++) p->A[i + n * j] += row[i] * row[j];
-    }
-  if (!LatinCholesky(n, p->A)) return PETSC_FALSE;
-  for (PetscInt i = 0; i < n; i++) { /* f = L y, and f.A^-1 f = y.y */
-    PetscReal *y = p->cone.along;
-
-    y[i] = p->f[i];
-    for (PetscInt j = 0; j < i; j++) y[i] -= p->A[i + n * j] * y[j];
-    y[i] /= p->A[i + n * i];
-    tension += PetscSqr(y[i]);
-    size += PetscSqr(p->cone.r[i]);
-  }
-  for (PetscInt i = 0; i < n; i++) {
-    p->cone.r[i] /= PetscSqrtReal(size);
-    push += p->f[i] * p->cone.r[i];
-  }
-  for (PetscInt l = 0; l < p->links; l++) {
-    PetscReal x = 0.0;
-
-    for (PetscInt i = 0; i < n; i++) x += p->cone.row[n * l + i] * p->cone.r[i];
-    all += x * x;
-    if (l < p->both || x > 0.0) resisted += x * x;
-  }
-  return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), p->largest / PetscSqrtReal(tension), resisted, all));
-}
-
 /* Adds the mechanisms of loose patches, which may overlap, to move, [vertices][dim]. count: loose patches of this rank, at most LATIN_LISTED */
 static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], PetscInt *count)
 {
@@ -184,7 +147,7 @@ static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], Pe
     LatinPatchMake(p, v);
     LatinPatchRows(p);
     if (p->unknowns) LatinConeProject(&p->cone, p->unknowns, p->links, p->both, p->f, &bears);
-    if (!bears && LatinPatchProves(p)) {
+    if (!bears && LatinConeProves(&p->cone, p->links, p->both, p->f, p->largest, p->A)) {
       for (PetscInt k = 0; k < dim * p->vertices; k++)
         if (p->unknown[k] >= 0) move[dim * p->vertex[k / dim] + k % dim] += p->cone.r[p->unknown[k]];
       ++*count;
