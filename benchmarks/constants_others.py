@@ -199,11 +199,6 @@ OTHERS = {
         "linear stages",
         "One of many looks at balance that a collapse takes; of 80 arches beyond their limit 78 end before all stages.",
     ),
-    "LATIN_COLLAPSE_GROWS": (
-        "times the displacements",
-        "Of 2,100 random solves with friction 19 end so, without the test after all stages. With 1 seven others are "
-        "refused that converge, with 2 one.",
-    ),
     "LATIN_ESTIMATE_NOISE": (
         "eps, of the forces at a node",
         "Tensions of rigid links are a sum of tens of rounded terms.",

@@ -265,32 +265,13 @@ static PetscBool SNESLatinGrows(SNES snes)
 }
 
 /*
-   Ends the iteration on a collapse after Newton's method has failed, long before -snes_max_it. Displacements of a collapse grow from stage to stage;
-   those of a solution may be larger than the structure, but do not grow. Collective on snes
-*/
-static PetscErrorCode SNESLatinCollapse_Private(SNES snes, LatinNext *next)
-{
-  SNES_Latin *data      = (SNES_Latin *)snes->data;
-  PetscBool   collapsed = PETSC_FALSE;
-  PetscReal   far;
-
-  PetscFunctionBegin;
-  if (data->newton.steps && SNESLatinBalances(snes) && data->latin->linear.applications % LATIN_COLLAPSE_WINDOW == 0) PetscCall(SNESLatinCollapsed_Private(snes, &collapsed));
-  if (!collapsed) PetscFunctionReturn(0);
-  PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &far));
-  if (data->far > 0.0 && far > LATIN_COLLAPSE_GROWS * data->far) *next = LATIN_NEXT_DIVERGED;
-  else if (data->far == 0.0) data->far = far;
-  PetscFunctionReturn(0);
-}
-
-/*
    Decides what follows this linear stage. Each step changes the decision of those before it as listed; CONVERGED stands for all three. So the order
    matters: convergence that is not proved, and divergence, are left to Newton's method, and divergence after that to other search parameters
 
      failure              any                             -> FAILED, NOT_FINITE
      stop                 CONTINUE                        -> CONVERGED, ROUNDING
      Newton to finish     CONTINUE, CONVERGED, ROUNDING   -> NEWTON_FINISH
-     growth, collapse     CONTINUE                        -> DIVERGED
+     growth               CONTINUE                        -> DIVERGED
      proof                CONVERGED                       -> CONTINUE, ROUNDING, DIVERGED
      Newton on a stall    any but FAILED, GIVEN, _FINISH  -> NEWTON_STALL
      limit of stages      CONTINUE                        -> MAX_IT
@@ -313,7 +294,6 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The requested error, %g, is below the rounding error of this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
-  if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinCollapse_Private(snes, next));
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   stalled = LatinNewtonStalled(&data->newton, measure, target);
   if (SNESLatinStalls(data, stalled, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;

@@ -93,7 +93,6 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   data->done = data->tested = latin->linear.applications = 0;
   data->current                                          = -1;
   data->first_distance                                   = -1.0;
-  data->far                                              = 0.0;
   data->leapt                                            = PETSC_FALSE;
   data->residual                                         = 0.0;
   data->next                                             = data->found.verdict == LATIN_JAMMED ? LATIN_NEXT_DIVERGED : LATIN_NEXT_CONTINUE;

@@ -33,7 +33,6 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
 #define LATIN_JAM_LEAST       100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages show neither */
 #define LATIN_COLLAPSE_WINDOW 20   /* linear stages between two tests for a collapse */
-#define LATIN_COLLAPSE_GROWS  4.0  /* a collapse: displacements have grown by this factor since they were first larger than the structure */
 #define LATIN_NEWTON_FAR      1e-7 /* largest unbalance of displacements larger than the structure, relative to loads, or else tensions as drawn */
 
 typedef struct {
@@ -246,7 +245,6 @@ typedef struct {
   PetscInt          history_size, done;
   PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
-  PetscReal         far;     /* largest displacement when it first exceeded the size of the structure after Newton's method; 0: never */
   PetscBool         leapt;   /* the last distance exceeded the divergence tolerance */
   PetscInt          tested;  /* number of the last linear stage tested */
   PetscInt          current; /* number of the linear stage at which the solution vector and its residual were computed, -1: never */
