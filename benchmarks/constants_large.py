@@ -236,7 +236,11 @@ LARGE = {
     "LATIN_BRANCH_AHEAD": ("", "The branch begins within one of these; a quarter of the step must not end before it."),
     "LATIN_BRANCH_LESS": ("times less", "Displacements are a quarter, or half: well apart from each other and from 1."),
     "LATIN_BRANCH_NEARER": ("ratio", "Between 1/2, of what buckles and bears more, and 1, of what snaps through."),
-    "LATIN_BRANCH_LINEAR": ("ratio", "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more."),
+    "LATIN_BRANCH_LINEAR": (
+        "ratio",
+        "Between 1/4, of panels that shear, and 1/2, of what buckles and bears more. If no branch is followed, 2 of "
+        "100 prestressed towers, seeds 345 and 381, are refused.",
+    ),
     "LATIN_BRANCH_DISTURB": (
         "of the size",
         "Forces of this far along the mode are above the balance of a descent; displacements ahead alone, of a strut"

@@ -130,7 +130,10 @@ TUNING = {
         "link stiffnesses",
         "directions that links hold",
         PARTS,
-        so="Half changes nothing, twice adds coarse unknowns on the network.",
+        so=(
+            "Half changes nothing, twice adds coarse unknowns on the network. Without the repair PC and KSP latin take "
+            "22 and 24 iterations on the METIS truss, not 17 and 18."
+        ),
     ),
     "LATIN_REPAIR_BALANCE": Tuning(
         "of the mean",
@@ -343,7 +346,9 @@ TUNING = {
         (*GRANULAR, *HUNG),
         so=(
             "As many stages as Anderson's acceleration keeps before a restart. Half saves 3 to 10 percent on "
-            "packings and costs 15 on one."
+            "packings and costs 15 on one. With `-snes_latin_newton never` 14 of 16 packings of 14 and 20 discs a side "
+            "are solved, 11 without changes. By default 36 smaller ones take as many stages without, and one of 44,104 "
+            "unknowns 1,930 in place of 2,638, one of 41,184 2,007 in place of 2,271."
         ),
     ),
     "LATIN_PARAMETER_GAIN": Tuning(
@@ -381,7 +386,8 @@ TUNING = {
         (*HUNG, "extremes, rigid"),
         so=(
             "Half saves 3 percent on the suite. Twice saves 5 and solves a case that is refused now. Without such "
-            "changes 8 of 1,700 random structures with friction are not solved, with them 3."
+            "changes the suite and 1,700 random structures with friction end the same, and `-snes_latin_newton never` "
+            "diverges on girders 1e4 and 1e8 times as stiff, which take 42 stages with them."
         ),
     ),
     "LATIN_PARAMETER_AGAIN": Tuning(

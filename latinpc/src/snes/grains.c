@@ -2,7 +2,8 @@
 
 /*
    Grains: structures of rigid links alone, with friction. If all gaps are closed as drawn, statically admissible tensions inside the friction cones
-   are a solution: nothing moves, so no contact slips. Without such tensions the structure collapses (structure/frictioncones.c).
+   are a solution: nothing moves, so no contact slips, as between walls that press with the least friction that holds (tests/test_friction_notices.py).
+   Without such tensions the structure collapses (structure/frictioncones.c).
 */
 
 /*

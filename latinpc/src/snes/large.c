@@ -142,8 +142,8 @@ PetscErrorCode SNESLatinLargeBalance_Private(SNES snes)
 }
 
 /*
-   Interpolates strains and tensions between those of two equilibria, once: the pair is forgotten. none: displacements to be multiplied by
-   zero. Collective on large->frame
+   Interpolates strains and tensions between those of two equilibria, once: the pair is forgotten. Without, a soft tower goes to another branch
+   (tests/test_large_paths.py). none: displacements to be multiplied by zero. Collective on large->frame
 */
 static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
 {

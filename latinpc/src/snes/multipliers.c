@@ -58,7 +58,8 @@ PetscErrorCode LatinStepRests_Private(LatinStructure structure, Vec moved, Petsc
 }
 
 /*
-   Makes many updates at once, if each changes the tensions by the same amount and no displacement: up to the first tension that becomes zero.
+   Makes many updates at once, if each changes the tensions by the same amount and no displacement: up to the first tension that becomes zero. So boxes
+   of grains that shear too far are found to be jammed (tests/test_equilibrium.py).
    newton->tension: change by the last update. Collective on newton->structure
 */
 static PetscErrorCode LatinMultipliersLeap_Private(LatinNewton *newton)

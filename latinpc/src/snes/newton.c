@@ -250,8 +250,8 @@ static PetscErrorCode LatinNewtonBegin_Private(LatinNewton *newton, PetscReal kn
 }
 
 /*
-   Solves by Newton's method, with multipliers of rigid links. If links of tables beside rigid links fail: again with full steps, as searches, which
-   close rigid links one by one, lose 2 of 964 loads that tables bear. Collective on snes
+   Solves by Newton's method, with multipliers of rigid links. If links of tables beside rigid links fail: again with full steps, as searches close
+   rigid links one by one. Of 1,200 random structures of tables, bars and rigid links 357 converge, without 342. Collective on snes
 */
 static PetscErrorCode LatinNewtonRun_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {

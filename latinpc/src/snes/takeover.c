@@ -106,7 +106,7 @@ static PetscErrorCode SNESLatinNewtonBalance_Private(SNES snes, PetscBool own, P
 
 /*
    Sets the initial guess of Newton's method: the iterate, or zero if that has a smaller unbalance, or if links yield and the iterate is far away.
-   Collective on snes
+   From the iterate alone nodes that prestress holds between nearly straight links are not found (tests/test_equilibrium.py). Collective on snes
 */
 static PetscErrorCode SNESLatinNewtonGuess_Private(SNES snes)
 {
