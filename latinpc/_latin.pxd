@@ -23,6 +23,57 @@ cdef extern from *:
     """
     PetscErrorCode LATIN_ERR_PYTHON
 
+cdef extern from *:
+    """
+    /*
+       PETSc's own duplicate of a communicator goes with the last object there, and the next object makes another one, collectively. Python frees what an
+       error or a cycle holds at other times on other ranks, which would then wait for each other. So one duplicate stays until PetscFinalize()
+    */
+    typedef struct LatinKept_ {
+      MPI_Comm           comm;
+      struct LatinKept_ *next;
+    } LatinKept;
+    static LatinKept *kept = NULL;
+
+    static PetscErrorCode LatinKeepNone(void)
+    {
+      PetscFunctionBegin;
+      while (kept) {
+        LatinKept *one = kept;
+
+        kept = one->next;
+        PetscCall(PetscCommDestroy(&one->comm));
+        PetscCall(PetscFree(one));
+      }
+      PetscFunctionReturn(0);
+    }
+
+    /* Collective on comm */
+    static PetscErrorCode LatinKeepComm(MPI_Comm comm)
+    {
+      LatinKept  *one = kept;
+      MPI_Comm    petsc;
+      PetscMPIInt size;
+
+      PetscFunctionBegin;
+      PetscCallMPI(MPI_Comm_size(comm, &size));
+      if (size == 1) PetscFunctionReturn(0);
+      PetscCall(PetscCommDuplicate(comm, &petsc, NULL));
+      while (one && one->comm != petsc) one = one->next;
+      if (one) {
+        PetscCall(PetscCommDestroy(&petsc));
+        PetscFunctionReturn(0);
+      }
+      if (!kept) PetscCall(PetscRegisterFinalize(LatinKeepNone));
+      PetscCall(PetscNew(&one));
+      one->comm = petsc;
+      one->next = kept;
+      kept      = one;
+      PetscFunctionReturn(0);
+    }
+    """
+    PetscErrorCode LatinKeepComm(MPI_Comm)
+
 cdef extern from "Python.h":
     int PyErr_CheckSignals()  # the exception stays pending, for petsc4py to raise
 

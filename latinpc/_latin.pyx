@@ -91,6 +91,11 @@ cdef PetscErrorCode check_signals() noexcept with gil:
     return LATIN_ERR_PYTHON if PyErr_CheckSignals() else 0
 
 
+def keep_communicator(comm):
+    """Keep PETSc's own duplicate of a communicator until the end of PETSc; collective, the first time."""
+    CHKERR(LatinKeepComm(GetComm(comm, GetCommDefault())))
+
+
 def interruptible():
     """Let signals end solves. On several ranks they could not all see one: there the launcher ends them all."""
     CHKERR(LatinSetInterrupt(check_signals))

@@ -212,6 +212,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     def _make(self, given, comm, geometry):
         """Check the arrays, keep them, and distribute them."""
         self.comm = communicator(comm)
+        _latin.keep_communicator(self.comm)
         arrays = self._checked(given)
         arrays["stiffness"] = own_stiffness(arrays["law"], arrays["stiffness"])
         for array, values in arrays.items():

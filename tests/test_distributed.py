@@ -388,3 +388,31 @@ def test_what_the_caller_does_to_links_is_not_done_to_ours():
     )
     links[:] = 0
     assert frame.halo.links.tolist() == frame.links.tolist() == [[0, 2], [1, 2]]
+
+
+AGAIN = """
+import gc
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+gc.disable()  # the frames of an error are a cycle, on the rank that has it alone
+rank = PETSc.COMM_WORLD.rank
+for stiffness in (1.0 - 2.0 * (rank == 1), 1.0):
+    try:
+        links = np.array([[rank - 1, rank]])[: rank]
+        one = latinpc.LocalStructure([[float(rank)]], links, "bar", stiffness, fixed=[[rank == 0]])
+    except ValueError as error:
+        assert str(error) == "rank 1: link 0 (-1.) needs a positive stiffness", error
+else:
+    print("made")
+if rank == 1:
+    import matplotlib.pyplot  # what it keeps goes later, or never
+"""
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_another_structure_after_an_error_of_one_rank(mpirun, ranks):
+    """What Python still held on that rank had PETSc's communicator, of which the others waited for another."""
+    assert mpirun(ranks, AGAIN, alone=True, timeout=60).stdout.count("made") == ranks
