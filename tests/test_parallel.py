@@ -310,3 +310,27 @@ assert structure.solve().converged
 def test_arrays_that_differ_between_ranks_are_refused(mpirun):
     """Such as random numbers without a seed: each rank had taken its part of what it had."""
     assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 28
+
+
+LARGEST = """
+import sys
+import latinpc
+from latinpc.scenes import make
+
+for name, how in {"tensegrity-grid": {"modules": 4}, "truss-grid": {"modules": 5, "partition": "metis"}}.items():
+    text = str(make(name, **how).solve(options={"snes_latin_variant": "primal"}))
+    named = ("displacement", "worst member", "reactions")
+    print([line for line in text.splitlines() if line.strip().startswith(named)])
+cases = latinpc.solve_cases(latinpc.read(sys.argv[1]))
+low, high = (cases.tensions[case, range(len(case))] for case in cases.envelope()[2:])
+for found, extreme in ((low, cases.tensions.min(axis=0)), (high, cases.tensions.max(axis=0))):
+    assert abs(found - extreme).max() <= 1e-4 * abs(extreme).max()
+print([values.tolist() for values in (*cases.envelope()[2:], *cases.reaction_envelope()[2:])])
+"""
+
+
+def test_the_largest_of_alike_values_does_not_depend_on_ranks(mpirun):
+    """A symmetric structure has several largest displacements, forces and reactions; cases may give the same force."""
+    bridge = Path(__file__).parent.parent / "examples" / "footbridge.msh"
+    said = [mpirun(ranks, LARGEST, bridge).stdout.splitlines()[:3] for ranks in (1, 2, 4, 5)]
+    assert all(text == said[0] for text in said), said

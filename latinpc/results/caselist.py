@@ -7,7 +7,7 @@ import numpy as np
 from latinpc.laws import UNILATERAL
 
 from .tables import AXES
-from .units import counted, quantity
+from .units import counted, first_largest, quantity
 
 HEADER = ("case", "stages", "displacement", "lowest", "highest", "slack", "")
 MOST_SLACK = 8  # links that are listed
@@ -44,9 +44,9 @@ def extremes(cases):
     """Return lines of (label, text) on the highest and the lowest force of all cases, and on slack links."""
     scene, lines = cases.scene, []
     lowest, highest, low, high = cases.envelope()
-    for label, forces, case, extreme in (("highest", highest, high, np.argmax), ("lowest", lowest, low, np.argmin)):
+    for label, forces, case, sign in (("highest", highest, high, 1.0), ("lowest", lowest, low, -1.0)):
         if np.isfinite(forces).all():
-            link = int(extreme(forces))
+            link = first_largest(sign * forces)
             name, places = scene.link_name(link), scene.nodes[scene.links[link]]
             ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in place)})" for place in places)
             said = f"{name} m" if name.startswith("(") else f"{name}, {ends} m"  # a drawing has places for names
@@ -69,7 +69,7 @@ def _worst(cases):
         values = None if values is None else np.where(cases.good[:, None], values, np.nan)
         if values is None or np.isnan(values).all():
             continue
-        case, link = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
+        case, link = np.unravel_index(first_largest(np.abs(values)), values.shape)
         largest, over = values[case, link], np.count_nonzero((values > 1.0).any(axis=0))
         text = quantity(largest, "Pa") if label == "stress" else f"{100 * largest:.3g} %"
         more = f"; above 100 % in {counted(over, 'link')}" if over and label == "utilisation" else ""
@@ -83,7 +83,7 @@ def _reactions(cases):
     if not scene.fixed.any() or not cases.good.any():
         return []
     size = np.where(cases.good[:, None], np.linalg.norm(cases.reactions, axis=2), 0.0)
-    case, node = np.unravel_index(size.argmax(), size.shape)
+    case, node = np.unravel_index(first_largest(size), size.shape)
     ranges = [
         f"{axis} from {quantity(low[held].min(), 'N')} to {quantity(high[held].max(), 'N')}"
         for axis, low, high, held in zip(AXES, lowest.T, highest.T, scene.fixed.T)

@@ -20,7 +20,7 @@ from latinpc.library import _latin
 from . import rubbing
 from .loose import idle_links
 from .mechanics import changes_of_length, keeps_direction, tensions_at
-from .units import quantity
+from .units import ALIKE, quantity
 
 if TYPE_CHECKING:
     from latinpc.structure import Structure
@@ -415,7 +415,7 @@ def magnitudes(result: Result) -> list[str]:
     notices = []
     size, most = float(np.linalg.norm(extent(result.structure))), over.largest(moved.max(initial=0.0))
     if most > size > 0:
-        node = over.node_numbers(np.flatnonzero(moved == most), 1)[0]
+        node = over.node_numbers(np.flatnonzero(moved >= (1.0 - ALIKE) * most), 1)[0]
         notices.append(
             f"node {result.structure.node_name(node)} moves by {quantity(most, 'm')}, farther than the structure"
             f" is large ({quantity(size, 'm')}): look at units, stiffnesses and supports"

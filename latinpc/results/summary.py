@@ -8,7 +8,7 @@ from latinpc.laws import UNILATERAL, Law
 from latinpc.numbering import place, place_digits
 
 from .report import in_words
-from .units import counted, number, quantity, scaled, share
+from .units import counted, first_largest, number, quantity, scaled, share
 
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
@@ -130,7 +130,7 @@ def _mechanics(scene, result):
     size = np.linalg.norm(result.displacements, axis=1)
     if not (np.isfinite(size).all() and np.isfinite(result.tensions).all()):
         return [("displacement", "not known: no iterate is finite, or none is kept")]
-    node = int(size.argmax())
+    node = first_largest(size)
     lines = [
         (
             "displacement",
@@ -158,7 +158,7 @@ def _loose(scene, result):
 def _worst(scene, result):
     """Return the link with the largest utilisation, or without strengths with the largest force."""
     known = result.utilisation is not None and not np.isnan(result.utilisation).all()
-    link = int(np.nanargmax(result.utilisation) if known else np.abs(result.tensions).argmax())
+    link = first_largest(result.utilisation if known else np.abs(result.tensions))
     force, (start, end) = result.tensions[link], scene.links[link]
     ends = f", from node {scene.node_name(start)} to {scene.node_name(end)}" if scene.links_named else ""
     text = f"link {scene.link_name(link)}{ends}: {quantity(abs(force), 'N')} in"
@@ -177,12 +177,12 @@ def _stresses(result):
     """Return lines on the largest stress and utilisation, where areas and strengths are known."""
     lines = []
     if result.stress is not None and not np.isnan(result.stress).all():
-        link = int(np.nanargmax(np.abs(result.stress)))
+        link = first_largest(np.abs(result.stress))
         lines.append(
             ("stress", f"largest {quantity(result.stress[link], 'Pa')} in link {result.structure.link_name(link)}")
         )
     if result.utilisation is not None and not np.isnan(result.utilisation).all():
-        link, over = int(np.nanargmax(result.utilisation)), int(np.count_nonzero(result.utilisation > 1.0))
+        link, over = first_largest(result.utilisation), int(np.count_nonzero(result.utilisation > 1.0))
         text = f"; above 100 % in {over:,} link{'s' if over > 1 else ''}" if over else ""
         name = result.structure.link_name(link)
         lines.append(("utilisation", f"largest {100 * result.utilisation[link]:.3g} % in link {name}{text}"))
@@ -194,7 +194,7 @@ def _reactions(scene, result):
     if not scene.fixed.any():
         return []
     size = np.linalg.norm(result.reactions, axis=1)
-    node, balance = int(size.argmax()), result.balance
+    node, balance = first_largest(size), result.balance
     sums = f"sum {_vector(balance.reaction, 'N')}, of the loads {_vector(balance.load, 'N')}"
     moment = f", moment {share(balance.moment)}" if scene.dim > 1 else ""
     return [

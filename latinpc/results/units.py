@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+ALIKE = 1e-4  # of the largest value: the error of a solve by default; values that are nearer than that are alike
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -14,6 +15,14 @@ def scaled(largest, unit, digits=3):
         if shown >= divisor:
             return divisor, prefix + unit
     return 1.0, unit
+
+
+def first_largest(values):
+    """Return the place of the largest value in an array, NaN left out: the first one of those alike.
+
+    Which of these is the largest, as of the links of a symmetric structure, is a matter of rounding, and so of ranks.
+    """
+    return int(np.argmax(values >= np.nanmax(values) - ALIKE * np.nanmax(np.abs(values))))
 
 
 def quantity(value, unit, digits=3):

@@ -16,6 +16,7 @@ from latinpc.results.caselist import HEADER, extremes, rows, text, title
 from latinpc.results.mechanics import reactions, shape, stresses, unbalanced, utilisations
 from latinpc.results.report import plain, problem
 from latinpc.results.result import Result
+from latinpc.results.units import ALIKE
 from latinpc.scenes.case import Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
@@ -194,12 +195,15 @@ class Cases(Mapping):
             none, nowhere = np.full(values.shape[1:], np.nan), np.full(values.shape[1:], -1)
             return none, none, nowhere, nowhere
         lowest, highest = values[good[0]].copy(), values[good[0]].copy()
-        low, high = np.full(lowest.shape, good[0]), np.full(lowest.shape, good[0])
         for number in good[1:]:  # a case at a time stays in cache
-            one = values[number]
-            for extreme, case, beyond in ((lowest, low, one < lowest), (highest, high, one > highest)):
-                np.copyto(extreme, one, where=beyond)
-                np.copyto(case, number, where=beyond)
+            np.minimum(lowest, values[number], out=lowest)
+            np.maximum(highest, values[number], out=highest)
+        low, high = np.full(lowest.shape, good[-1]), np.full(lowest.shape, good[-1])
+        size = np.maximum(np.abs(lowest), np.abs(highest))
+        near = ALIKE * np.maximum(size, ALIKE * size.max(initial=0.0))
+        for number in good[-2::-1]:  # the first of the cases that are alike
+            np.copyto(low, number, where=values[number] <= lowest + near)
+            np.copyto(high, number, where=values[number] >= highest - near)
         return lowest, highest, low, high
 
     def slack_cases(self) -> np.ndarray:
