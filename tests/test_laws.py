@@ -265,3 +265,24 @@ def test_a_process_takes_as_many_tables_as_a_study_has():
     for law, limit in zip(laws, yields, strict=True):
         alone = latinpc.Structure([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], load=[[0.0], [5.0]])
         assert alone.solve().displacements[1, 0] == pytest.approx(5e-3 / limit, rel=1e-9)
+
+
+OTHER_LAWS = """
+from petsc4py import PETSc
+import latinpc
+
+rank = PETSc.COMM_WORLD.rank
+for points in ([-1.0, 0.0, 1.0 + rank], [-1.0, 0.0, 7.0])[: 2 if rank else 1]:
+    law = latinpc.register_table(points, [-2.0, 0.0, 3.0])
+laws = (latinpc.Law.BAR, law) if rank else (law, latinpc.Law.BAR)
+for law in laws:
+    try:
+        latinpc.LocalStructure([[float(rank)]], [[0, 1]], law, 1.0, fixed=[[rank == 0]])
+    except latinpc.LatinError as error:
+        print("other points" if "other points" in str(error) else "not all" if "not all ranks" in str(error) else error)
+"""
+
+
+def test_laws_that_only_some_ranks_know_are_refused(mpirun):
+    """Solvers move links between ranks: the others had called what is not there."""
+    assert sorted(mpirun(2, OTHER_LAWS, alone=True).stdout.split("\n")[:4]) == ["not all"] * 2 + ["other points"] * 2

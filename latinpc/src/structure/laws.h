@@ -86,6 +86,7 @@ PETSC_INTERN LatinLaw      *LatinLaws; /* the built-in laws, or a copy followed 
 PETSC_INTERN PetscInt       LatinLawCount;
 PETSC_INTERN PetscReal      LatinLawLocal(PetscInt law, PetscReal l, PetscReal e0, PetscReal y);
 PETSC_INTERN PetscInt       LatinLawPoints(PetscInt law, const PetscReal *strain[], const PetscReal *tension[]);
+PETSC_INTERN PetscErrorCode LatinLawsSame_Private(MPI_Comm, PetscInt last);
 PETSC_INTERN PetscErrorCode LatinLawsFinalize_Private(void);
 
 /* Returns the sign of a built-in unilateral law */

@@ -168,7 +168,7 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
     if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAW_TANGENT + 1 - law[l]); /* the maximum is that of the first rigid law in the table */
     if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
     if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
-    if (law[l] > LATIN_LAW_TANGENT) kinds[3] = 1;
+    if (law[l] > LATIN_LAW_TANGENT) kinds[3] = PetscMax(kinds[3], law[l]);
     structure->law[l]       = law[l];
     structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   }
@@ -177,6 +177,7 @@ static PetscErrorCode LatinStructureKeepLaws_Private(LatinStructure structure, c
   structure->general      = (PetscBool)(kinds[1] > 0);
   structure->has_friction = (PetscBool)(kinds[2] > 0);
   structure->own_laws     = (PetscBool)(kinds[3] > 0);
+  if (structure->own_laws) PetscCall(LatinLawsSame_Private(PetscObjectComm((PetscObject)structure), kinds[3]));
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscCall(LatinStructureSetInitialElongations(structure, e0));
   if (structure->set_up) {

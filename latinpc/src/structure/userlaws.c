@@ -174,7 +174,7 @@ static PetscErrorCode LatinLawsGrow_Private(void)
 /*@C
   LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name appears in messages.
 
-  Not collective; every rank that has links of the law registers it, all ranks in the same order
+  Not collective; all ranks register the same laws in the same order, as solvers move links between ranks
 
   Output Parameter:
 . law - its number, from `LATIN_LAW_TANGENT` + 1 on
@@ -228,7 +228,7 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
 /*@C
   LatinLawRegisterTable - Adds a piecewise linear law, given by n points, to the table.
 
-  Not collective; every rank that has links of the law registers it, all ranks in the same order
+  Not collective; all ranks register the same laws in the same order, as solvers move links between ranks
 
   Input Parameters:
 + strain  - [n] increasing values of x = e + e0, lengths; n is at least 2
@@ -279,6 +279,29 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
   functions.ctx = table;
   PetscCall(LatinLawRegister(name, &functions, law));
   LatinLaws[*law].stiffness = steepest;
+  PetscFunctionReturn(0);
+}
+
+/* Checks that all ranks have the registered laws up to `last`, tables with the same points: solvers move links between ranks. Collective on comm */
+PetscErrorCode LatinLawsSame_Private(MPI_Comm comm, PetscInt last)
+{
+  PetscReal most[6] = {0.0}; /* number of points, and two sums that tell points apart; their negatives */
+
+  PetscFunctionBegin;
+  LatinAgree(comm, last >= LatinLawCount, PETSC_ERR_ARG_INCOMP, "Links have the law %" PetscInt_FMT ", which not all ranks have registered: register the same laws on every rank, in the same order", last);
+  for (PetscInt law = LATIN_LAW_TANGENT + 1; law <= last; law++) {
+    const PetscReal *x = NULL, *t = NULL;
+    const PetscInt   n = LatinLawPoints(law, &x, &t);
+
+    most[0] += n;
+    for (PetscInt i = 0; i < n; i++) {
+      most[1] += (law + i) * x[i];
+      most[2] += (law + i) * t[i] * LatinLaws[law].stiffness;
+    }
+  }
+  for (PetscInt i = 0; i < 3; i++) most[3 + i] = -most[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 6, MPIU_REAL, MPIU_MAX, comm));
+  for (PetscInt i = 0; i < 3; i++) PetscCheck(most[i] == -most[3 + i], comm, PETSC_ERR_ARG_INCOMP, "Ranks have registered other points of a table, or tables in another order: register the same laws on every rank, in the same order");
   PetscFunctionReturn(0);
 }
 
