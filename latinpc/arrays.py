@@ -62,7 +62,9 @@ class Slices:
 
     def partition(self, name, values):
         """Make an array of the subdomains of this rank's links from that of all."""
-        return self.mine(partition(name, values, self.links))
+        values = agreed(self.comm, partition, name, values, self.links)
+        same_arrays(self.comm, **{name: values})
+        return self.mine(values)
 
 
 class Parts:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc.actions import Actions
-from latinpc.arrays import REAL, Slices, agreed, communicator, index_set, native
+from latinpc.arrays import REAL, Slices, agreed, alike, communicator, index_set, native
 from latinpc.checks import ARRAYS, INSTEAD, Agreed, Checks, check_assigned, check_scene, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
@@ -200,8 +200,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         Structure
         """
         check_scene(scene)
-        given = {name: getattr(scene, name) for name in ("name", *ARRAYS)}
-        given["law"] = registered(scene)
+        given = {name: getattr(scene, name) for name in ("name", *ARRAYS)} | {"law": registered(scene)}
         structure = cls.__new__(cls)
         structure.numbering = scene.numbering
         with errors_as_given(structure):
@@ -236,7 +235,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         handle.set_loads(self._my_nodes(self.load))
         self.set_geometry(geometry)
         if self.subdomain is not None:
-            self._compose_partition(self.subdomain)
+            self.dm.compose("subdomains", index_set(self.comm.tompi4py(), mine(self.subdomain)))
         if self.mass is not None:
             handle.set_mass(self._my_nodes(self.mass))
         with unlinked_as_value(self):
@@ -248,7 +247,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         """Check the arrays, and find out which of them are this rank's."""
         comm = self.comm.tompi4py()
         arrays = agreed(comm, checked, given, _latin.law_names())
-        self._alike(**arrays)
+        some = None if given.get("prestress") is None else np.zeros(())  # `set_prestress` compares the values
+        self._alike(**arrays, prestress=some)
         self._checks = Agreed(comm, Checks(arrays["nodes"].shape, len(arrays["links"])))
         self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
         return arrays
@@ -389,6 +389,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         geometry : {"linear", "prestress", "large"}
             As that of the class.
         """
+        alike(self.comm.tompi4py(), geometry=geometry)
         self._handle.set_geometry(known_geometry(geometry))
 
     def solve(
@@ -490,11 +491,9 @@ class Structure(Geometry, Equations, Actions, Plots):
         u : petsc4py.PETSc.Vec
             Overwritten.
         """
-        self._handle.set_displacements(self._my_nodes(self._checks.node_array("displacement", displacement)), u)
-
-    def _compose_partition(self, subdomain):
-        """Leave the partition where every solver on this structure finds it."""
-        self.dm.compose("subdomains", index_set(self.comm.tompi4py(), self._slices.mine(subdomain)))
+        displacement = self._checks.node_array("displacement", displacement)
+        self._alike(displacement=displacement)
+        self._handle.set_displacements(self._my_nodes(displacement), u)
 
     def _my_nodes(self, values, dtype=REAL):
         return native(values[self._slices.node_start : self._slices.node_end], dtype)

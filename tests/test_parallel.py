@@ -223,6 +223,8 @@ settings = {
     "stop": lambda snes: latinpc.set_stop(snes, ("error", "indicator")[rank]),
     "error": lambda snes: latinpc.set_error(snes, (1e-2, 1e-9)[rank]),
     "newton": lambda snes: latinpc.set_newton(snes, ("auto", "never")[rank]),
+    "max_it": lambda snes: snes.setTolerances(max_it=(1, 100)[rank]),
+    "stol": lambda snes: snes.setTolerances(stol=(1e-1, 1e-9)[rank]),
 }
 for name, differ in settings.items():
     snes = structure.create_snes()
@@ -232,7 +234,8 @@ for name, differ in settings.items():
         snes.solve(None, snes.getSolution())
     except PETSc.Error as error:
         said = latinpc.error_message(error)
-        assert f"Ranks differ in -snes_latin_{name}, " in said or "must be same on all processes" in said, said
+        option = f"-snes_{name}" if name in ("max_it", "stol") else f"-snes_latin_{name}"
+        assert f"Ranks differ in {option}, " in said or "must be same on all processes" in said, said
         print("refused")
     snes.destroy()
 """
@@ -240,7 +243,7 @@ for name, differ in settings.items():
 
 def test_settings_that_differ_between_ranks_are_refused(mpirun):
     """Ranks had waited for each other without end."""
-    assert mpirun(2, DIFFERENT, leaks=False).stdout.count("refused") == 22
+    assert mpirun(2, DIFFERENT, leaks=False).stdout.count("refused") == 26
 
 
 OTHER_ARRAYS = """
@@ -270,12 +273,19 @@ changes = {
     "initial_elongation": lambda: structure.set_initial_elongation(1e-4 * rank),
     "prestress": lambda: structure.set_prestress(np.where(same.law == 1, 1.0 + rank, 0.0)),
     "mass": lambda: structure.set_mass(1.0 + rank),
+    "geometry": lambda: structure.set_geometry(("linear", "large")[rank]),
+    "displacement": lambda: structure.set_displacements(rank * same.load, structure.create_vec()),
+    "subdomain": lambda: latinpc.set_partition(structure.create_snes(), np.arange(len(same.links)) % (2 + rank)),
 }
+scene = make("mast", levels=1)
+given = {name: getattr(scene, name) for name in ("nodes", "links", "law", "stiffness", "fixed")}
+changes["geometry "] = lambda: latinpc.Structure(**given, geometry=("large", "linear")[rank])
+changes["prestress "] = lambda: latinpc.Structure(**given, prestress=(None, 0.0)[rank])
 for name, change in changes.items():
     try:
         change()
     except ValueError as error:
-        assert f"ranks differ in {name}: " in str(error), error
+        assert f"ranks differ in {name.strip()}: " in str(error), error
         print("refused")
 lost = np.where(rank, np.nan, 1.0)  # one rank alone has what no structure may have
 wrong = {
@@ -309,7 +319,62 @@ assert structure.solve().converged
 
 def test_arrays_that_differ_between_ranks_are_refused(mpirun):
     """Such as random numbers without a seed: each rank had taken its part of what it had."""
-    assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 28
+    assert mpirun(2, OTHER_ARRAYS).stdout.count("refused") == 38
+
+
+OTHER_CALLS = """
+import sys
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+from latinpc.results.eigen import slepc
+from latinpc.runs.history import History
+from latinpc.runs.motion import move
+from latinpc.runs.solve import solve
+from latinpc.scenes import make
+
+rank, two = PETSc.COMM_WORLD.rank, make("lattice", nx=4, ny=2)
+tower, bridge = make("impact-tower", levels=2), latinpc.read(sys.argv[1])
+structure = latinpc.Structure.from_scene(two)
+net = dict(nodes=[[0, 0], [1, 0], [2, 0]], links=[[0, 1], [1, 2]], fixed=[[1, 1], [0, 0], [1, 1]], load=[[0, -1]] * 3)
+calls = {
+    "increments": lambda: solve(two, increments=1 + rank),
+    "reference": lambda: solve(two, reference=rank == 1),
+    "steps": lambda: move(tower, 2 - 2 * rank),
+    "every": lambda: move(tower, 2, every=1 + rank),
+    "from_equilibrium": lambda: move(tower, 2, from_equilibrium=rank == 1),
+    "history": lambda: move(tower, 2, history=History([0.0], [1.0 + rank])),
+    "cases": lambda: latinpc.solve_cases(bridge, bridge.cases[: 1 + rank]),
+    "options": lambda: latinpc.solve_cases(bridge, options={"snes_latin_error": 1e-3 * (1 + rank)}),
+    "load of case": lambda: latinpc.solve_cases(bridge, [latinpc.Case("a", load=(1 + rank) * bridge.load)]),
+    "density": lambda: latinpc.form_find(**net, density=1.0 + rank),
+    "error": lambda: latinpc.form_find(**net, natural_length=1.0, EA=1.0, error=1e-6 * (1 + rank)),
+}
+try:
+    slepc()
+    calls["number"] = lambda: latinpc.modes(structure, 2 + rank)
+    calls["buckling"] = lambda: latinpc.modes(structure, 2, buckling=rank == 1)
+except ImportError:
+    print("refused " * 4)
+for name, call in calls.items():
+    try:
+        call()
+    except ValueError as error:
+        assert f"ranks differ in {name}" in str(error), error
+        print("refused")
+try:
+    latinpc.solve_cases(bridge, None if rank else [])
+except ValueError as error:
+    assert "rank 0: " in str(error) and "has no load case" in str(error), error
+    print("refused")
+assert structure.solve().converged
+"""
+
+
+def test_calls_that_differ_between_ranks_are_refused(mpirun):
+    """Modes, load cases, forms and motions: ranks had waited for each other without end, or mixed what they had."""
+    bridge = Path(__file__).parent.parent / "examples" / "footbridge.msh"
+    assert mpirun(2, OTHER_CALLS, bridge).stdout.count("refused") == 28
 
 
 LARGEST = """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from mpi4py import MPI
 
-from latinpc.arrays import REAL, Parts, agreed, alike, refuse
+from latinpc.arrays import REAL, Parts, agreed, refuse
 from latinpc.checks import ARRAYS, INSTEAD, Agreed, Checks, checked, checked_shapes
 from latinpc.library import _latin
 from latinpc.results.solve import solve
@@ -111,11 +111,6 @@ class LocalStructure(Structure):
         for name, high, low in zip(optional, most[1:], least[1:]):
             if high != low:
                 raise ValueError(f"{name} is given on some ranks and not on others: give it on all, or on none")
-
-    def set_geometry(self, geometry: str) -> None:
-        """Choose how displacements turn links, as `Structure.set_geometry`; collective."""
-        alike(self.comm.tompi4py(), geometry=geometry)
-        super().set_geometry(geometry)
 
     @property
     def halo(self) -> Halo:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc.arrays import communicator, refuse
+from latinpc.arrays import agreed, alike, communicator, refuse, same_arrays
 from latinpc.checks import Checks, checked_name, checked_shapes
 from latinpc.laws import Law
 from latinpc.numbering import Numbering
@@ -331,15 +331,13 @@ def form_find(
     >>> form.structure.solve().converged
     True
     """
-    checked_name(name)
-    of_links = {"density": density, "natural_length": natural_length, "EA": EA}
-    given = _checked(nodes, links, fixed, load, law, of_links, error)
-    nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
-    checks = Checks(nodes.shape, len(links), np.dtype(float))
-    more = {"mass": None if mass is None else np.array(checks.mass(mass))}
-    for key, values in (("area", area), ("strength", strength)):
-        more[key] = None if values is None else np.array(checks.positive(key, values))
     comm = communicator(comm)
+    of_links = {"density": density, "natural_length": natural_length, "EA": EA}
+    more = {"name": name, "mass": mass, "area": area, "strength": strength}
+    given, more = agreed(comm.tompi4py(), _checked, nodes, links, fixed, load, law, of_links, error, more)
+    alike(comm.tompi4py(), error=error, options=options)
+    same_arrays(comm.tompi4py(), **given, **more)
+    nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
     options, start, notices = given_options(options), nodes, []
     theirs = {key: value for key, value in options.items() if not key.startswith(PREFIX)}  # of the natural lengths
     if given["density"] is not None:
@@ -415,8 +413,9 @@ def _lost(result, unbalance):
     return lost
 
 
-def _checked(nodes, links, fixed, load, law, of_links, error):
-    """Check and complete what is given; return arrays by name."""
+def _checked(nodes, links, fixed, load, law, of_links, error, more):
+    """Check and complete what is given; return arrays by name, and those that `more` has; not collective."""
+    checked_name(more["name"])
     nodes, links = map(np.array, checked_shapes({"nodes": nodes, "links": links}, np.dtype(float)))
     if of_links["density"] is None and of_links["natural_length"] is None:
         raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
@@ -444,7 +443,10 @@ def _checked(nodes, links, fixed, load, law, of_links, error):
         raise ValueError("form finding takes the laws bar, cable and compression_only")
     wrong = ((signs < 0.0) & (found["law"] == Law.CABLE)) | ((signs > 0.0) & (found["law"] == Law.COMPRESSION_ONLY))
     refuse(wrong, "link", "has a force density that its law cannot bear", signs)
-    return found
+    kept = {"mass": None if more["mass"] is None else np.array(checks.mass(more["mass"]))}
+    for key in ("area", "strength"):
+        kept[key] = None if more[key] is None else np.array(checks.positive(key, more[key]))
+    return found, kept
 
 
 def _extended(nodes, links):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc import errors
-from latinpc.arrays import Slices, refuse
+from latinpc.arrays import Slices, alike, refuse, same_arrays
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options
 
@@ -244,6 +244,9 @@ def modes(
             "modes need a latinpc.Structure, whole on every rank, or its Result: make one by"
             " latinpc.Structure.from_scene(scene), or of the arrays of gather()"
         )
+    comm = structure.comm.tompi4py()
+    alike(comm, number=number, buckling=buckling, options=options)
+    same_arrays(comm, load=None if load is None else np.asarray(load, dtype=float))
     if number < 1:
         raise ValueError(f"at least one mode is asked for, not {number}")
     if load is not None and not buckling:

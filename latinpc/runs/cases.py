@@ -12,7 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc import errors, solvers
-from latinpc.arrays import REAL, native
+from latinpc.arrays import REAL, agreed, alike, communicator, native, same_arrays
 from latinpc.errors import LatinError, error_message
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
@@ -108,19 +108,12 @@ def solve_cases(
     """
     if isinstance(scene, Structure):
         scene, comm = Scene.from_structure(scene), scene.comm if comm is None else comm
-    if isinstance(cases, Case):
-        raise TypeError(f"cases must be a list, such as [{cases.name}], not a single latinpc.Case")
-    cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
-    if not cases:
-        raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")
-    for case in cases:  # a case that does not fit is refused before any is solved
-        if not isinstance(case, Case):
-            raise TypeError(f"a load case is a latinpc.Case, such as Case('snow', load=...), not {case!r:.40}")
-        case.check(scene)
+    comm = communicator(comm)
+    cases = agreed(comm.tompi4py(), _checked, scene, cases)  # what does not fit is refused before any is solved
     names = [case.name for case in cases]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"load cases have the same name, {', '.join(twice)}: tell them apart with Case.named()")
+    alike(comm.tompi4py(), cases=names, options=options, subdomains=subdomains)
+    acts = {f"{part} of case {case.name}": values for case in cases for part, values in zip(PARTS, case.parts)}
+    same_arrays(comm.tompi4py(), **acts)
     structure = Structure.from_scene(scene, comm)
     given = given_options(options)
     settings = given | subdomain_options(subdomains)
@@ -152,6 +145,24 @@ def solve_cases(
     if not result.converged:
         warn(structure.comm, f"not converged: {'; '.join(failed(result))}", ConvergenceWarning)
     return result
+
+
+def _checked(scene, cases):
+    """Return the cases to solve; not collective."""
+    if isinstance(cases, Case):
+        raise TypeError(f"cases must be a list, such as [{cases.name}], not a single latinpc.Case")
+    cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
+    if not cases:
+        raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")
+    for case in cases:
+        if not isinstance(case, Case):
+            raise TypeError(f"a load case is a latinpc.Case, such as Case('snow', load=...), not {case!r:.40}")
+        case.check(scene)
+    names = [case.name for case in cases]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"load cases have the same name, {', '.join(twice)}: tell them apart with Case.named()")
+    return cases
 
 
 def failed(cases: Cases) -> list[str]:
@@ -186,8 +197,9 @@ class _Series:
             self._share(range(comm.rank, len(self.cases), comm.size), stages)
         except Exception as error:  # whatever it is, the other ranks wait for this one
             failure = error
-        if any(comm.allgather(failure is not None)):
-            raise failure or RuntimeError("load cases have failed on another rank")
+        said = comm.allgather(None if failure is None else f"{failure}".splitlines()[-1:])  # the sentence is the last
+        if any(text is not None for text in said):
+            raise failure or RuntimeError(next(" ".join(text) for text in said if text is not None))
         for array in (stages, self.displacements, self.tensions) if comm.size > 1 else ():
             comm.Allreduce(MPI.IN_PLACE, array)
         for number in np.flatnonzero(stages > 0):

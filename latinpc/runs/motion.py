@@ -10,6 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import solvers
+from latinpc.arrays import alike, communicator
 from latinpc.geometry import extent
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
@@ -139,11 +140,13 @@ def move(
         On every rank. A step that does not converge is no error: see ``report["reason"]``. An equilibrium to start
         from that is not found is one.
     """
+    comm, step = communicator(comm), scene.time_step if step is None else step
+    same = {"steps": steps, "step": step, "mass": mass, "every": every, "options": options, "subdomains": subdomains}
+    alike(comm.tompi4py(), **same, from_equilibrium=from_equilibrium, history=history)
     if mass is not None:
         scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
     if scene.mass is None:
         raise ValueError(f"the scene {scene.name} has no masses: give mass, in kg (on the command line --node-mass)")
-    step = scene.time_step if step is None else step
     if step is None:
         raise ValueError(f"the scene {scene.name} has no time step: give step, in s (on the command line --time-step)")
     steps = _whole(steps, "steps")
@@ -154,7 +157,7 @@ def move(
     if every < 0:
         raise ValueError(f"every is {every}: every Nth state is kept, N at least 1, or 0 for the last one only")
     structure = Structure.from_scene(scene, comm)
-    keeper = keeper or Keeper(structure.comm.tompi4py())
+    keeper = keeper or Keeper(comm.tompi4py())
     settings = keeper.options | given_options(options) | subdomain_options(subdomains)
     u, v = structure.create_vec(), structure.create_vec()
     if scene.velocity is not None:

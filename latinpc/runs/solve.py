@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc import accuracy, solvers
+from latinpc.arrays import alike, communicator
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options, subdomain_options, unknown_options
 from latinpc.results.limit import bearing
@@ -66,10 +67,13 @@ def solve(
     ValueError, LatinError
         On every rank. A solve that does not converge is no error: see ``report["reason"]``.
     """
+    comm = communicator(comm) if structure is None else structure.comm
+    same = {"options": options, "subdomains": subdomains, "digits": digits, "increments": increments}
+    alike(comm.tompi4py(), **same, reference=reference if isinstance(reference, bool) else reference is not None)
     if increments < 1:
         raise ValueError(f"the loads need at least one increment, not {increments}")
     structure = Structure.from_scene(scene, comm) if structure is None else structure
-    keeper = keeper or Keeper(structure.comm.tompi4py())
+    keeper = keeper or Keeper(comm.tompi4py())
     settings = keeper.options | given_options(options) | subdomain_options(subdomains)
     if increments > 1:
         settings = {"snes_latin_warm_start": "extrapolate"} | settings

@@ -59,6 +59,21 @@ static PetscErrorCode SNESLatinSameOptions_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Checks that tolerances are numbers, and the same on all ranks. Collective on snes */
+static PetscErrorCode SNESLatinCheckTolerances_Private(SNES snes)
+{
+  const char *const names[]  = {"stol", "rtol", "atol", "divergence_tolerance", "max_it"};
+  const PetscReal   values[] = {snes->stol, snes->rtol, snes->abstol, snes->divtol, (PetscReal)snes->max_its};
+  char              prefix[128];
+
+  PetscFunctionBegin;
+  PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
+             "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
+  PetscCall(PetscSNPrintf(prefix, sizeof(prefix), "%ssnes_", ((PetscObject)snes)->prefix ? ((PetscObject)snes)->prefix : ""));
+  PetscCall(LatinSame_Private(PetscObjectComm((PetscObject)snes), PETSC_STATIC_ARRAY_LENGTH(values), values, prefix, names));
+  PetscFunctionReturn(0);
+}
+
 /* Prepares a solve: checks options, allocates the history, resets counters. Collective on snes */
 static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 {
@@ -67,8 +82,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(SNESLatinSameOptions_Private(snes));
-  PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
-             "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
+  PetscCall(SNESLatinCheckTolerances_Private(snes));
   SNESLatinChooseStop(snes);
   PetscCheck(SNESLatinUnbalance(data) == PETSC_MAX_REAL || SNESLatinBalances(snes), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
              "-snes_latin_largest_unbalance belongs to statics with -snes_latin_stop auto, error or energy, without -snes_stol: leave one of them out; the stop residual has -snes_atol");
