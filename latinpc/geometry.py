@@ -51,11 +51,19 @@ class Whole:
 
     link_numbers = node_numbers
 
+    @staticmethod
+    def largest_first(nodes, sizes, most):
+        """Return the numbers of nodes by decreasing size, those of one size in their order; at least so many."""
+        return nodes[np.argsort(-sizes, kind="stable")]
+
+
+WHOLE = Whole()
+
 
 class Geometry(Numbered):
     """What follows from the arrays of nodes and links."""
 
-    over_ranks: Any = Whole()  #: how amounts of the whole follow from those of a rank
+    over_ranks: Any = WHOLE  #: how amounts of the whole follow from those of a rank
     direction: np.ndarray | None
     subdomain: np.ndarray | None
 

@@ -47,6 +47,10 @@ same("farther than the structure", frame([0.0, -3e4]))
 same("no solve stops at -snes_rtol", frame([0.0, -10.0]), options={"snes_rtol": 1e-3})
 same("tensions of the displaced links differ", frame([0.0, -100.0], prestress=[1.0, 1.0]), "prestress")
 same("initial elongation of link 1 is larger", frame([0.0, -10.0], initial_elongation=[0.0, 2.0]))
+flat = [[-1.0, 0.0], [1.0, 0.0], [0.0, 0.0]]
+same("no stable equilibrium follows that of", frame([0.0, -50.0], nodes=[*flat[:2], [0.0, 0.1]]), "large")
+same("nodes that move most in its mode: 2", frame([0.0, -50.0], nodes=[*flat[:2], [0.0, 0.1]]), "large")
+same("as drawn is unstable: its prestress", frame([1.0, 0.0], nodes=flat, prestress=[-10.0, -10.0]), "large")
 hung = {
     "nodes": [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, -2.0]],
     "links": [[2, 3], [0, 3], [1, 3], [0, 2], [1, 2]], "law": ["cable", "cable", "cable", "bar", "bar"],
@@ -54,6 +58,8 @@ hung = {
     "fixed": [[1, 1], [1, 1], [0, 0], [0, 0]], "load": [[0.0, 0.0], [0.0, 0.0], [0.0, -10.0], [0.0, 0.0]],
 }
 same("leave node 3 free", hung)
+stiff = hung | {"stiffness": [1e3, 1e3, 1e3, 1e14, 1e3], "initial_elongation": [0.1, -0.1, 0.0, 0.0, 0.0]}
+same("stiffnesses differ by a factor of 1e+11", stiff, options={"snes_max_it": 1, "snes_latin_newton": "never"})
 same("leave node 3 free", hung, "large")
 # many nodes, of which links of one rank or of several hold some
 scene, rng = make("network", nodes=60), np.random.default_rng(1)

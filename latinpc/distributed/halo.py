@@ -102,6 +102,12 @@ class Halo:
         """
         return np.concatenate(self._comm.allgather(self.first + nodes[:most]))
 
+    def largest_first(self, nodes: np.ndarray, sizes: np.ndarray, most: int) -> np.ndarray:
+        """Return the first numbers of nodes by decreasing size, at least so many of them; collective."""
+        mine = np.argsort(-sizes, kind="stable")[:most]
+        numbers, sizes = (np.concatenate(self._comm.allgather(v[mine])) for v in (self.first + nodes, sizes))
+        return numbers[np.argsort(-sizes, kind="stable")]
+
     def link_numbers(self, links: np.ndarray, most: int) -> np.ndarray:
         """See `node_numbers`; collective."""
         return np.concatenate(self._comm.allgather(self._first_link + links[:most]))

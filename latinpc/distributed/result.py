@@ -14,7 +14,7 @@ from latinpc.arrays import alike
 from latinpc.checks import ARRAYS
 from latinpc.geometry import Geometry
 from latinpc.laws import UNILATERAL
-from latinpc.results.limit import bearing, borne, branches, unstable
+from latinpc.results.limit import bearing, borne, branches, moving, softest, unstable
 from latinpc.results.loose import loose
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import causes, changed, implausible, limit, magnitudes, strained, turned
@@ -47,6 +47,7 @@ class LocalResult(Reported):
     report: dict[str, Any]  #: counts, errors and reasons of the whole, the same on every rank, fit for JSON
     subdomain: np.ndarray | None = None  #: (m,), subdomain of each link, among all
     node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
+    mode: np.ndarray | None = None  #: (n, dim), how the structure moves on where no equilibrium follows; else None
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read, the same on every rank
 
@@ -115,7 +116,7 @@ class LocalResult(Reported):
         if root is not None and root not in range(comm.size):
             raise ValueError(f"root {root} is none of the ranks 0 to {comm.size - 1}: without it all get the whole")
         arrays = {name: _whole(comm, values, root) for name, values in self._arrays().items()}
-        names = ("displacements", "tensions", "load", "subdomain", "node_class")
+        names = ("displacements", "tensions", "load", "subdomain", "node_class", "mode")
         found = {name: _whole(comm, getattr(self, name), root) for name in names}
         if root not in (None, comm.rank):
             return None
@@ -151,11 +152,11 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
     Parameters and report are those of `latinpc.results.solve.gather`.
     """
     factor = borne(snes, structure)
-    with bearing(snes, structure, factor):
-        return _gathered_local(structure, snes, core, u, factor)
+    with bearing(snes, structure, factor) as ends:
+        return _gathered_local(structure, snes, core, u, factor, ends)
 
 
-def _gathered_local(structure, snes, core, u, factor):
+def _gathered_local(structure, snes, core, u, factor, ends):
     """Collect what a SNES has found under the loads that its displacements bear; collective."""
     comm = structure.comm.tompi4py()
     r = structure.create_vec()
@@ -163,6 +164,7 @@ def _gathered_local(structure, snes, core, u, factor):
     tensions = solvers.tensions(snes)
     none = slack(structure, tensions, structure.halo.largest(np.abs(tensions).max(initial=0.0)))
     counts = structure.halo.total([none.sum(), np.isin(structure.law, UNILATERAL).sum()])
+    mode, kind = softest(structure, u, tensions, factor == 0.0) if ends else (None, "soft")
     is_latin = snes.getType() == "latin"
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
@@ -183,6 +185,7 @@ def _gathered_local(structure, snes, core, u, factor):
         report=plain(report | ({} if factor is None else {"load_factor": factor})),
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
+        mode=mode,
         history=past,
     )
     said = comm.allgather([*causes(snes, structure, past), *narrow(core)])
@@ -190,7 +193,8 @@ def _gathered_local(structure, snes, core, u, factor):
     result.notices += idle(snes)
     result.notices += unstable(structure, u, none) if result.converged else []
     said = result.report | {"branch": branches(snes, factor)}
-    result.notices += limit(structure, said, solvers.unsupported_nodes(snes)[1] if is_latin else [], "soft")
+    nodes = [] if mode is None else moving(mode, structure.over_ranks)
+    result.notices += limit(structure, said, nodes, kind)
     r.destroy()
     return result
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.errors import raise_cause
+from latinpc.geometry import WHOLE
 from latinpc.laws import RIGID, Law
 
 from .mechanics import tensions_at
@@ -27,7 +28,7 @@ __all__ = ["bearing", "borne", "branches", "moving", "slackening", "softest", "u
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
-NAMED = 5  # links in a sentence
+NAMED = 5  # links or nodes in a sentence
 PART = 0.5  # of the largest displacement: nodes that move
 
 
@@ -92,6 +93,8 @@ def bearing(snes: PETSc.SNES, structure: Structure | LocalStructure, factor: flo
 def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: bool) -> tuple[np.ndarray | None, str]:
     """Return the displacements by which an equilibrium buckles, or those that move a structure as drawn; collective.
 
+    Of parts, each has those of its nodes.
+
     Links that pull resist being turned, links in compression drive it: K = E + G+ - G-, E the stiffness of the laws.
     The mode has the least mu in K x = mu M x, where M = E + G+ + G-: it is 1 of soft parts that nothing presses, as
     guys are, and 0 of what buckles, whatever the stiffness of either.
@@ -134,7 +137,7 @@ def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: boo
         if kind == "soft":
             _least(K, v, M)
         mode = structure.displacements(v) - structure.prescribed
-        size = np.linalg.norm(mode, axis=1).max(initial=0.0)
+        size = structure.over_ranks.largest(np.linalg.norm(mode, axis=1).max(initial=0.0))
         return (mode / size if np.isfinite(size) and size > 0.0 else None), kind
     except PETSc.Error as error:
         raise_cause(error)
@@ -204,11 +207,15 @@ def unstable(structure: Structure, u: PETSc.Vec, slack: np.ndarray) -> list[str]
     )
 
 
-def moving(mode: np.ndarray) -> np.ndarray:
-    """Return the nodes that a mode moves most, those that it moves furthest first, alike ones in their order."""
+def moving(mode: np.ndarray, over: Any = WHOLE) -> np.ndarray:
+    """Return the nodes that a mode moves most, those that it moves furthest first, alike ones in their order.
+
+    Of parts collective: more of them than a sentence names, `over` the ranks.
+    """
     size = np.linalg.norm(mode, axis=1)
-    size = (size / (size.max() or 1.0)).round(6)
-    return np.argsort(-size, kind="stable")[: np.count_nonzero(size >= PART)]
+    size = (size / (over.largest(size.max(initial=0.0)) or 1.0)).round(6)
+    far = np.flatnonzero(size >= PART)
+    return over.largest_first(far, size[far], NAMED + 1)
 
 
 def slackening(found: Modes, rates: np.ndarray, base: float) -> list[str]:

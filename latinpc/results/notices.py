@@ -168,9 +168,10 @@ def _no_equilibrium(snes, structure):
 
 def _contrast(structure):
     elastic = structure.stiffness[structure.stiffness > 0.0]
-    if not len(elastic) or elastic.max() < CONTRAST * elastic.min():
+    ends = np.array([elastic.max(initial=0.0), -elastic.min(initial=np.inf)])
+    contrast, eps = -np.divide(*structure.over_ranks.largest(ends)), np.finfo(PETSc.RealType).eps
+    if contrast < CONTRAST:
         return []
-    contrast, eps = elastic.max() / elastic.min(), np.finfo(PETSc.RealType).eps
     left = (
         f"{eps * contrast:.0e} of those of the softest ones"
         if eps * contrast < 1.0
