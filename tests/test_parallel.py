@@ -399,3 +399,25 @@ def test_the_largest_of_alike_values_does_not_depend_on_ranks(mpirun):
     bridge = Path(__file__).parent.parent / "examples" / "footbridge.msh"
     said = [mpirun(ranks, LARGEST, bridge).stdout.splitlines()[:3] for ranks in (1, 2, 4, 5)]
     assert all(text == said[0] for text in said), said
+
+
+NOT_A_NUMBER = """
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+structure, comm = latinpc.Structure.from_scene(make("lattice", nx=6, ny=3)), PETSc.COMM_WORLD
+snes, u = structure.create_snes(), structure.create_vec()
+u.setArray(np.full(u.getLocalSize(), np.nan if comm.rank == comm.size - 1 else 1e-3))
+snes.solve(None, u)
+print(snes.getConvergedReason())
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_a_guess_that_is_not_a_number_on_one_rank_is_none_on_all(mpirun, ranks):
+    """The largest of values and of what is no number is either of them, as MPI pleases."""
+    assert mpirun(ranks, NOT_A_NUMBER).stdout.split() == ranks * [
+        str(int(PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN))
+    ]

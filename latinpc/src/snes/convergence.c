@@ -86,7 +86,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   PetscFunctionBegin;
   data->guess = PETSC_FALSE;
   if (!warm) {
-    PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
+    PetscCall(VecNorm(snes->vec_sol, NORM_1, &size)); /* a sum is not a number on all ranks where one entry is not, a maximum is on some */
     data->guess = (PetscBool)(size > 0.0);
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
