@@ -24,41 +24,29 @@ _PLURAL = {"has": "have", "joins": "join", "needs": "need"}  # verbs of `refuse`
 class Slices:
     """Which nodes and links of the caller's arrays this rank has handed to the library.
 
-    Nodes go in consecutive blocks. Links go in consecutive blocks too, or in blocks of subdomains when the
-    caller gives a partition, so that a subdomain starts on the rank that will own it.
+    Both go in consecutive blocks, so that the library counts them as the caller does.
     """
 
-    def __init__(self, comm, nodes, law, subdomain):
-        links = len(law)
+    def __init__(self, comm, nodes, law):
         self.comm = comm.tompi4py()
         self.nodes = nodes
-        self.links = links
+        self.links = len(law)
         self.node_start, self.node_end = self._block(nodes)
-        if subdomain is None:
-            starts = np.r_[0, 1 + np.flatnonzero(law[1:] != Law.TANGENT), links]  # parts of a contact stay on one rank
-            first, last = starts[np.searchsorted(starts, self._block(links))]
-            self.my_links = np.arange(first, last)
-        else:
-            first, last = self._block(int(subdomain.max()) + 1)
-            self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
+        starts = np.r_[0, 1 + np.flatnonzero(law[1:] != Law.TANGENT), self.links]  # a contact stays on one rank
+        self.my_links = range(*starts[np.searchsorted(starts, self._block(self.links))])
 
     def mine(self, values):
-        """Return this rank's rows of an array over the links, all of it without a copy."""
-        return values if len(self.my_links) == self.links else values.take(self.my_links, axis=0)
+        """Return this rank's rows of an array over the links."""
+        return values[self.my_links.start : self.my_links.stop]
 
     def _block(self, n):
         return block(n, self.comm.rank, self.comm.size)
 
     def gather_nodes(self, mine):
-        """Assemble a nodal array; collective."""
+        """Assemble an array over nodes or links; collective."""
         return np.concatenate(self.comm.allgather(mine), axis=0)
 
-    def gather_links(self, mine):
-        """Assemble an array over the links; collective."""
-        whole = np.empty((self.links, *mine.shape[1:]), dtype=mine.dtype)
-        for where, values in self.comm.allgather((self.my_links, mine)):
-            whole[where] = values
-        return whole
+    gather_links = gather_nodes
 
     def partition(self, name, values):
         """Make an array of the subdomains of this rank's links from that of all."""

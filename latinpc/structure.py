@@ -250,7 +250,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         some = None if given.get("prestress") is None else np.zeros(())  # `set_prestress` compares the values
         self._alike(**arrays, prestress=some)
         self._checks = Agreed(comm, Checks(arrays["nodes"].shape, len(arrays["links"])))
-        self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
+        self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"])
         return arrays
 
     def _doubles(self):

@@ -421,3 +421,33 @@ def test_a_guess_that_is_not_a_number_on_one_rank_is_none_on_all(mpirun, ranks):
     assert mpirun(ranks, NOT_A_NUMBER).stdout.split() == ranks * [
         str(int(PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN))
     ]
+
+
+CULPRITS = """
+import numpy as np
+import latinpc
+
+nodes = np.arange(9.0)[:, None]
+links = np.vstack([np.column_stack([np.arange(8), np.arange(1, 9)]), [[0, 1], [1, 2], [0, 3]]])
+fixed = np.isin(nodes, [0.0, 2.0, 3.0, 8.0])
+law = np.array([*8 * ["bar"], "contact", "contact", "bar"], object)
+given = dict(nodes=nodes, links=links, stiffness=1.0, fixed=fixed, load=np.where(fixed, 0.0, 1.0))
+given["subdomain"] = (10 - np.arange(11)) // 3  # the last links are on the first rank
+jammed = latinpc.Structure(**given, law=law, initial_elongation=np.where(law == "contact", -0.1, 0.0)).solve()
+print(*jammed.notices)
+law[[2, 10]] = "inextensible"
+apart = {"prescribed": np.where(nodes == 3.0, 0.1, 0.0), "initial_elongation": np.where(np.arange(11) == 10, 0.05, 0.0)}
+try:
+    latinpc.Structure(**given, **apart, law=law).solve()
+except latinpc.SolveError as error:
+    print(error)
+"""
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_links_that_are_named_are_those_of_the_caller(mpirun, ranks):
+    """With a partition of the caller's the library had counted them rank by rank; of several the worst is named."""
+    said = mpirun(ranks, CULPRITS).stdout.splitlines()
+    assert set(said[::2]) == {"no equilibrium: the gaps of the rigid links 8, 9 are incompatible"}
+    assert all(text.startswith("Link 10 (inextensible) has prescribed displacements") for text in said[1::2])

@@ -203,7 +203,7 @@ static PetscReal LatinHeldTerms(LatinStructure structure, PetscInt l, const Pets
 PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscInt *jam)
 {
   PetscInt           bad    = -1;
-  PetscReal          missed = 0.0;
+  PetscReal          missed = 0.0, most;
   Vec                none, u, open;
   const PetscScalar *a, *free;
 
@@ -215,10 +215,14 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscIn
   PetscCall(LatinStructureOpen_Private(structure, structure->vertex_prescribed, none, &u, &a));
   PetscCall(VecSet(none, 1.0));
   PetscCall(LatinStructureOpen_Private(structure, NULL, none, &open, &free));
-  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal by;
+
     if (!LatinHeldRigid(structure, l, free)) continue;
-    missed = LatinLawSign(structure->law[l]) * LatinHeldStrain(structure, l, a);
-    if (missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * LatinHeldTerms(structure, l, a)) bad = l;
+    by = LatinLawSign(structure->law[l]) * LatinHeldStrain(structure, l, a);
+    if (by <= missed || by <= LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * LatinHeldTerms(structure, l, a)) continue;
+    missed = by;
+    bad    = l;
   }
   PetscCall(LatinStructureClose_Private(structure, &open, &free));
   PetscCall(LatinStructureClose_Private(structure, &u, &a));
@@ -227,6 +231,8 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure, PetscIn
     if (bad >= 0) *jam = structure->links_start + bad;
     PetscFunctionReturn(0);
   }
+  PetscCall(MPIU_Allreduce(&missed, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  if (missed < most) bad = -1; /* the error names the link that misses its gap by the most */
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
              "Link %" PetscInt_FMT " (%s) has prescribed displacements that are not kinematically admissible: they miss its gap by %g. Change them or its initial elongation, or remove the link", structure->links_start + bad,
              LatinLaws[structure->law[PetscMax(0, bad)]].name, (double)missed);
