@@ -285,4 +285,5 @@ for law in laws:
 
 def test_laws_that_only_some_ranks_know_are_refused(mpirun):
     """Solvers move links between ranks: the others had called what is not there."""
-    assert sorted(mpirun(2, OTHER_LAWS, alone=True).stdout.split("\n")[:4]) == ["not all"] * 2 + ["other points"] * 2
+    said = mpirun(2, OTHER_LAWS, alone=True).stdout  # lines of ranks may mix
+    assert [said.count(words) for words in ("not all", "other points")] == [2, 2]

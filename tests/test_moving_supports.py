@@ -43,14 +43,14 @@ def ball():
 
 
 def by_hand(steps):
-    """The same: a ball that is above the table when a step starts flies, else it does not sink below it."""
-    u = v = below = 0.0
+    """The same: a ball flies, but not below the table where that is at the end of a step."""
+    u = v = 0.0
     found = []
     for step in range(steps):
-        free, rises = v - H * G, (table(step + 1) - table(step)) / H
-        new = free if u - below > 1e-9 else max(free, rises)
+        free = v - H * G
+        new = max(free, (table(step + 1) - u) / H)
         found.append([u + H * new, new, -MASS * (new - free) / H])
-        u, v, below = u + H * new, new, table(step + 1)
+        u, v = u + H * new, new
     return np.array(found)
 
 

@@ -60,7 +60,7 @@ def test_tensions_that_have_a_solution(stol):
         mass=mass, load=6.58 * mass[:, None], comm=PETSc.COMM_SELF,
     )  # fmt: skip
     walls = np.array([[0.00056], [0], [0], [-0.00029]])
-    tensions, _ = steps(structure, 0.0222, 6, lambda n: walls * np.sin(3 * n))
+    tensions, _ = steps(structure, 0.0222, 6, lambda n: walls * (1.0 + np.sin(3 * n)))
     assert len(tensions) == 6
     assert np.abs(tensions).max() < 1e3
     assert tensions[2] == pytest.approx([189.795, -191.337, 0.0], abs=1e-2)
