@@ -253,7 +253,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
-  /* a time step has closed links only, no gaps or coordinates to compare with. If supports alone jam them, unbounded tensions hide the distance */
+  /* coordinates and gaps are no numbers of a time step, but its displacements. If supports alone jam links, unbounded tensions hide the distance */
   if (structure->ground) {
     if (!still || (prescribed > LATIN_GAP_POINT * size && balance->gap > target * prescribed)) *missed = balance->gap;
     PetscFunctionReturn(0);
