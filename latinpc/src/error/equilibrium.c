@@ -285,12 +285,12 @@ static PetscErrorCode LatinJudgeSums_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionReturn(0);
 }
 
-/* Whether a motion is at rest: rounding of the forces moves it by more than the target error. Not if it exceeds the loads: tensions have grown without end */
+/* Whether a motion is at rest: rounding of the forces moves it by more than the target error */
 static PetscBool LatinJudgeRests(const LatinNodalJudge *judge, PetscReal target)
 {
   const LatinNodalSums *sum = &judge->sum;
 
-  if (!judge->links.latin->sub.structure->ground || (sum->load > 0.0 && sum->hidden > sum->load)) return PETSC_FALSE;
+  if (!judge->links.latin->sub.structure->ground) return PETSC_FALSE;
   return (PetscBool)(PetscSqr(target) * sum->u[0] <= sum->hides[0] && PetscSqr(target) * sum->u[1] <= sum->hides[1] && 0.5 * PetscSqr(target * judge->links.gap) <= sum->hides[1]);
 }
 
