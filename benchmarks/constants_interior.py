@@ -12,8 +12,8 @@ INTERIOR = {
     "LATIN_PRIMAL_DUAL_RISE": (
         "of the mean product",
         "Motions of 20 and 24 discs a side with friction, eight of 40 steps: with 2 all are found, 10: seven, without "
-        "it six, in up to 1.5 times the stages. 80 discs a side, friction 0.6, seed 1: 277 steps; without, not in 3,000 "
-        "stages.",
+        "it six, in up to 1.5 times the stages. 80 discs a side, friction 0.6, seed 1: 277 steps; without, none in "
+        "3,000 stages.",
     ),
     "LATIN_SLIP_LENGTH": (
         "part of the way",
