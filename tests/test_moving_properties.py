@@ -181,6 +181,14 @@ def test_random_motions(kind):
     assert ended >= 0.9 * made or made < ENOUGH
 
 
+def test_a_mass_between_two_stops():
+    """Its contacts may press against each other at will: an acceleration that does so has solved nothing."""
+    alone = Draw(dim=1, nodes=1, extra=1, parts=1, cut="blocks", slack=0.0, skeleton=True, settled=False,
+                 prestressed=False, rails=True, length=0, force=0, seed=0)  # fmt: skip
+    throw = Throw(draw=alone, rigid=1, rubs=1, speed=2, seed=1)
+    assert check_rigid(throw, {"outer_snes_type": "ngmres", "variant": "corner"}, 0)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("kind", KINDS)

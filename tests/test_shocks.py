@@ -267,8 +267,7 @@ def test_a_mass_on_a_slack_link_flies_as_far_as_it_does(dim, law, away, speed):
 
 @pytest.mark.parametrize(("seed", "number", "steps"), [
     (71129, 382, 15), (71129, 956, 15), (90417733, 700, 15),  # rigid links hold what stops
-    # wrong: in a loop of overlapping rigid links self-stresses grow to 1e13, and their rounding passes for rest
-    pytest.param(590213847, 168, 15, marks=pytest.mark.xfail(reason="velocities are wrong by 0.5 %")),
+    (590213847, 168, 15), (99, 283, 15),  # self-stresses of rigid links, whose rounding hides all other forces
     # stiffnesses far apart: Newton's method has no step to confirm
     (818283, 939, 15), (90417733, 555, 15), (118350926, 225, 15),
     (77123, 201, 60), (5550001, 81, 60),  # the latter to numbers whose squares are none

@@ -17,6 +17,8 @@
      inertia and tensions of u are rounding of the forces, to the target error, and r is at each node. Light nodes may still move beside heavy ones,
      whose rounding hides that. Nothing moves (`still`) if rounding of r at each node displaces it as much, by its own row sums, or if it moves by less
      than rounding of coordinates, as free nodes do that have come to rest;
+   - self-stress: tensions of closed loops of rigid links are arbitrary, and an accelerated iteration may make them so large that their rounding hides all
+     other forces. In a motion such a state proves nothing, as its unbalance is rounding at any displacement;
    - unheld nodes: if the unbalance is as large as the forces at the node, nothing holds it. It moves until a link resists;
    - work: r.u = 0 at an equilibrium; along a mechanism only loads do work. r.u is compared with the work of tensions and loads, independent of units
      and stiffnesses.
@@ -40,6 +42,7 @@ typedef struct {
   PetscReal error;                        /* squared error by row sums, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, sum of absolute values */
   PetscReal hidden;                       /* squared rounding of r */
+  PetscReal stress;                       /* squared rounding of the self-stress of rigid links at nodes */
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding, of r, of the loads, of the tensions at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
   PetscReal along, blur;                  /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
@@ -177,6 +180,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
 
   sum->left += left * left;
   sum->hidden += noise * noise;
+  sum->stress += c ? 0.0 : PetscSqr(LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * (at->tension - at->bearing));
   sum->all += PetscSqr(at->r[c]);
   sum->shown += PetscAbsReal(at->r[c]) > LATIN_FORCE_FACTOR * noise ? 1.0 : 0.0;
   sum->load += PetscSqr(at->load[c]);
@@ -285,6 +289,14 @@ static PetscErrorCode LatinJudgeSums_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionReturn(0);
 }
 
+/* Returns the rounding of the self-stress of rigid links in a motion, relative to the other forces */
+static PetscReal LatinJudgeStress(const LatinNodalJudge *judge)
+{
+  const LatinNodalSums *sum = &judge->sum;
+
+  return judge->links.latin->sub.structure->ground ? PetscSqrtReal(LatinRatio(sum->stress, PetscMax(sum->load, sum->bearing))) : 0.0;
+}
+
 /* Whether a motion is at rest: rounding of the forces moves it by more than the target error */
 static PetscBool LatinJudgeRests(const LatinNodalJudge *judge, PetscReal target)
 {
@@ -342,7 +354,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   const LatinStructure structure = latin->sub.structure;
   LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
   LatinNodalSums      *sum       = &judge.sum;
-  PetscReal            size, missed, works;
+  PetscReal            size, missed, stress, works;
   PetscBool            far, idles;
 
   PetscFunctionBegin;
@@ -361,7 +373,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (!idles) LatinJudgeError(&judge, size, found);
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
-  found->error  = PetscMax(found->error, missed);
+  stress        = LatinJudgeStress(&judge);
+  found->error  = PetscMax(PetscMax(found->error, missed), stress);
   found->missed = missed;
   PetscCall(PetscInfo(structure, "Unbalance %g of the loads, rounded by at most %g; gaps missed by %g of the displacements\n", (double)found->unbalance, (double)found->rounding, (double)missed));
 
@@ -371,7 +384,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
     found->verdict = LATIN_UNBOUNDED;
     PetscCall(PetscInfo(structure, "Displacements larger than the structure: %g of the work of tensions and loads is not balanced\n", (double)(PetscAbsReal(sum->work) / works)));
   } else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
-  else found->verdict = missed > target && (rests || found->hidden) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
+  else found->verdict = (rests && PetscMax(missed, stress) > target) || (found->hidden && missed > target) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
   PetscFunctionReturn(0);
 }
 

@@ -51,7 +51,7 @@ typedef struct {
   PetscReal translation[9]; /* upper bounds of |K t_c|, t_c the translation of all free displacements; in motions */
   PetscReal tangent[3];     /* |K u| of links that certainly bear; in motions */
   PetscReal tension;        /* sum of |tau| */
-  PetscReal rigid[3];       /* sum of the forces of rigid links: their self-stress, which is arbitrary, cancels */
+  PetscReal rigid[3];       /* sum of the forces of rigid links at free components: their self-stress, which is arbitrary, cancels */
   PetscReal bearing;        /* sum of |tau| of elastic links, plus the norm of rigid[] */
   PetscReal gaps;           /* rounding of the tensions, gaps included, over eps */
   PetscReal held, hides;    /* along the displacement of the node: twice u.K u of links that bear; work of their rounding */

@@ -179,7 +179,7 @@ static void LatinNodalAddEnd(Latin latin, const LatinNodalLink *link, PetscInt e
     at->rounding[c] += cosine * (link->k * (link->ends + (link->rigid ? 0.0 : link->gap)) + (link->rigid || link->law > LATIN_LAW_TANGENT ? link->tension : 0.0));
     for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += link->k * cosine * PetscAbsReal(link->moves[d]);
     at->tangent[c] += link->certain * cosine * PetscAbsReal(link->moves[3]);
-    if (link->rigid) at->rigid[c] += out * link->bears;
+    if (link->rigid) at->rigid[c] += PetscRealPart(a[LATIN_AT_FREE][dim * vertex + c]) * out * link->bears;
     along -= out * r;
     push += PetscSqr(r);
   }
