@@ -144,8 +144,9 @@ static PetscBool LatinCoulombOpen(const LatinPrimalDual *c, PetscInt l, PetscRea
 }
 
 /*
-   Computes the weights c->w of the bars that determine the least tensions: closed links without slip get their search parameters, all others none,
-   and open ones no tension. A contact slips if its rate is large beside the distance of its tension from the cone. Not collective
+   Computes the weights c->w of the bars that determine the least tensions: closed links without slip get their search parameters, all others none.
+   Open links get no tension. A contact slips if its rate is large beside the distance of its tension from the cone: it keeps its normal tension, and
+   its tangential one moves to the cone, however small both are. Not collective
 */
 static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
 {
@@ -169,7 +170,11 @@ static void LatinCoulombStates(LatinPrimalDual *c, const PetscReal stiffness[])
     PetscReal      rub = 0.0;
 
     for (PetscInt i = 1; i < structure->dim; i++) rub += PetscSqr(c->t[l + i]);
-    if (stiffness[l] * c->slip[k].S[0] > -structure->friction[l] * c->t[l] - PetscSqrtReal(rub)) c->w[l] = 0.0; /* a slipping contact keeps its tensions */
+    rub = PetscSqrtReal(rub);
+    if (stiffness[l] * c->slip[k].S[0] > -structure->friction[l] * c->t[l] - rub) {
+      c->w[l] = 0.0;
+      for (PetscInt i = 1; i < structure->dim && rub > 0.0; i++) c->t[l + i] *= -structure->friction[l] * c->t[l] / rub;
+    }
     for (PetscInt i = 1; i < structure->dim; i++) c->w[l + i] = c->w[l];
   }
 }
