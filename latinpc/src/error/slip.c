@@ -14,6 +14,8 @@
    one, it is convex, and steps are long. So b is an unknown of its own and follows mu y by a part of the difference: db = follow (mu (y + dy) - b).
 */
 
+#define LATIN_SLIP_INSIDE 0.01 /* least product of the distances of X and S from the boundaries and their farther ones, relative to X.S */
+
 /* Allocates the slips of the contacts of this rank. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
 {
@@ -223,12 +225,33 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
   return sum;
 }
 
+/*
+   Moves X and S of a contact away from the boundaries of their cones, relative to X.S. Near one of them alone, where S turns against X, each step would
+   end at the boundary again, the shorter the nearer. The friction bound and the rate of slip are free to grow: the next step takes both back
+*/
+static void LatinSlipInside(const LatinPrimalDual *c, LatinSlip *slip)
+{
+  PetscReal X[3], X_size = 0.0, S_size = 0.0, least = 0.0;
+
+  LatinSlipTensions(c, slip, slip->bound, c->t, X);
+  for (PetscInt i = 0; i < c->structure->dim; i++) {
+    least += LATIN_SLIP_INSIDE * X[i] * slip->S[i];
+    X_size += i ? PetscSqr(X[i]) : 0.0;
+    S_size += i ? PetscSqr(slip->S[i]) : 0.0;
+  }
+  X_size      = PetscSqrtReal(X_size);
+  S_size      = PetscSqrtReal(S_size);
+  slip->bound = PetscMax(slip->bound, X_size + least / (slip->S[0] + S_size));
+  slip->S[0]  = PetscMax(slip->S[0], S_size + least / (slip->bound + X_size));
+}
+
 /* Takes the steps of S and of the friction bounds. Not collective */
 void LatinSlipsMove(LatinPrimalDual *c)
 {
   for (PetscInt k = 0; k < c->slips; k++) {
     c->slip[k].bound += c->length * c->slip[k].dbound;
     for (PetscInt i = 0; i < c->structure->dim; i++) c->slip[k].S[i] += c->length * c->slip[k].dS[i];
+    LatinSlipInside(c, &c->slip[k]);
   }
 }
 
