@@ -171,6 +171,14 @@ OTHERS = {
         "`LATIN_MECHANISM`",
         "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
     ),
+    "LATIN_SCALE_FAR": (
+        "ratio",
+        "Loads of another magnitude get other search parameters; with those of no loads 10,000 stages do not suffice.",
+    ),
+    "LATIN_PARAMETER_WINDOW": (
+        "linear stages",
+        "As many as between two restarts of Anderson's acceleration; girders of contrast 1e4 to 1e8 then take 10 more.",
+    ),
     "LATIN_PARAMETER_RANGE": (
         "the first parameter",
         "Bars of contrast 1e8 beside rigid links need 1e8; an arch of thickness 0.08, which falls, asks for ever less.",

@@ -190,8 +190,7 @@ PARTS = {
 BEYOND = {
     "rigid cables, many": ["rigid links", "search parameter"],
     "rigid cables, the default stop": ["rigid links", "search parameter"],
-    "friction, many": ["rigid links", "friction", "search parameter"],
-    "friction, search parameter as it is": ["rigid links", "friction"],
+    "friction, many": ["rigid links", "friction"],
     "contacts, motion": ["rigid links"],
     "contacts, motion, the default stop": ["rigid links"],
 }

@@ -1,4 +1,4 @@
-"""Grains with friction that stall: another search parameter, the same problem."""
+"""Search parameters of rigid links: others, the same problem."""
 
 from dataclasses import replace
 
@@ -12,7 +12,6 @@ import latinpc
 from latinpc.bench.extremes.rigid import stiffened
 from latinpc.scenes import make
 
-STALLS = {"side": 14, "law": "friction", "seed": 3}
 LONG = {"stol": 1e-6, "max_it": 3000}
 
 
@@ -31,32 +30,18 @@ def is_coulombs(scene, found, small=1e-4):
     )
 
 
-def test_a_stall_ends_with_another_search_parameter():
-    """What does not converge in 3,000 stages with the first does, to a solution of Coulomb's law."""
-    scene = make("packing", **STALLS)
-    found = solve(scene, **LONG)
-    assert found.reason > 0
-    assert is_coulombs(scene, found)
-    again = solve(scene, **LONG)
-    assert again.iterations == found.iterations
-    assert (again.u == found.u).all()
-
-
 def test_a_second_solve_starts_from_the_parameter_found_and_a_warm_one_goes_on():
     """The operators stay; gaps may change in between."""
-    scene = make("packing", **STALLS)
+    scene = stiffened(1e4, False)
     for warm in ("none", "last"):
         with latin(scene, warm_start=warm, newton="never", **LONG) as run:
             counts = []
             for gaps in (1.0, 1.0, 1.0 + 1e-6):
                 run.structure.set_initial_elongation(gaps * scene.initial_elongation)
-                u = run.structure.create_vec()
-                run.snes.solve(None, u)
+                run.snes.solve(None, run.structure.create_vec())
                 assert run.snes.getConvergedReason() > 0
                 counts.append(run.snes.getIterationNumber())
-                found = type("Found", (), {"u": run.structure.displacements(u), "tensions": latinpc.tensions(run.snes)})
-                assert is_coulombs(scene, found)
-            assert counts[1] <= 3 if warm == "last" else counts[1] < 0.8 * counts[0]
+            assert max(counts[1:]) <= (3 if warm == "last" else 0.5 * counts[0])
 
 
 @pytest.mark.parametrize("law", ["contact", "friction"])
@@ -73,10 +58,9 @@ def test_the_search_parameter_of_the_caller_does_not_decide(law, search):
         assert np.abs(found.tensions - automatic.tensions).max() < 1e-3 * np.abs(automatic.tensions).max()
 
 
-@pytest.mark.parametrize("name", ["stalls", "beside elastic links"])
-def test_errors_against_a_reference_go_on(name):
+def test_errors_against_a_reference_go_on():
     """With the operators of another parameter as well."""
-    scene = make("packing", **STALLS) if name == "stalls" else stiffened(1e4, False)
+    scene = stiffened(1e4, False)
     found = solve(scene, newton="never", **LONG)
     again = solve(scene, found.u, newton="never", **LONG)
     assert again.iterations == found.iterations
@@ -89,8 +73,7 @@ petsc4py.init(sys.argv)
 from petsc4py import PETSc
 import latinpc
 from latinpc.bench.extremes.rigid import stiffened
-from latinpc.scenes import make
-scene = make("packing", side=14, law="friction", seed=3, subdomains=4)
+scene = stiffened(1e4, False)
 structure = latinpc.Structure.from_scene(scene)
 snes = structure.create_snes()
 snes.setFromOptions()
@@ -103,12 +86,12 @@ if PETSC_RANK == 0: print("found", snes.getConvergedReason(), snes.getIterationN
 
 def test_the_number_of_ranks_does_not_matter(mpirun):
     """The factors are powers of two, and the same on one and on two ranks."""
-    ways = ("-snes_stol", "1e-6", "-snes_max_it", "6000")
+    ways = ("-snes_stol", "1e-6", "-snes_latin_newton", "never")
     lines = [mpirun(ranks, RANKS, *ways).stdout for ranks in (1, 2)]
     (reason, count, total), other = (np.array(out.split("found")[1].split(), float) for out in lines)
     assert reason > 0 and other[0] > 0
-    assert abs(other[1] - count) <= 0.3 * count  # rounding decides which of many contacts slip first
-    assert abs(other[2] / total - 1) < 0.2  # tensions are not unique
+    assert abs(other[1] - count) <= 0.1 * count
+    assert abs(other[2] / total - 1) < 1e-5
 
 
 @pytest.mark.parametrize("force", [1e2, 1e4, 4e5, 1e7])

@@ -34,13 +34,13 @@ struct _p_Latin {
   PetscObjectState      load_state, e0_state, held_state, structure_state; /* states of the structure at the last set-up */
 };
 
-/* largest ratio, either way, of present search parameters to automatic ones, in structures of rigid links alone; of loads over gaps that keep them */
-#define LATIN_PARAMETER_FAR 16.0
+/* largest ratio, either way, of loads over gaps to those of the search parameters, that keeps these */
+#define LATIN_SCALE_FAR 16.0
 
 /* Whether loads over gaps, of this scale, are far from `made`, those of the search parameters in use */
 static inline PetscBool LatinScaleFar(PetscReal scale, PetscReal made)
 {
-  return (PetscBool)(scale > LATIN_PARAMETER_FAR * made || made > LATIN_PARAMETER_FAR * scale);
+  return (PetscBool)(scale > LATIN_SCALE_FAR * made || made > LATIN_SCALE_FAR * scale);
 }
 
 /* ---- core/latin.c ---- */

@@ -298,7 +298,7 @@ PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal t
   stalled = LatinNewtonStalled(&data->newton, measure, target);
   if (SNESLatinStalls(data, stalled, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
   if (*next == LATIN_NEXT_CONTINUE && (SNESLatinStagesLeft(snes) <= 0 || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;
-  if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
+  if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, &data->parameter, next));
   if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinGrains_Private(snes, next));
   if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinSlides_Private(snes, next));
   PetscFunctionReturn(0);

@@ -113,34 +113,20 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/*
-   Rebuilds the operators with another search parameter of rigid links, and iterates. Rigid links alone: from the converted state; beside elastic
-   links: the solve restarts. Collective on snes
-*/
+/* Rebuilds the operators with another search parameter of rigid links, and restarts. Collective on snes */
 static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  Vec         z    = NULL, F;
 
   PetscFunctionBegin;
-  if (data->parameter.alone) {
-    z = data->z;
-    PetscCall(PetscObjectReference((PetscObject)z));
-    PetscCall(SNESLatinOuterSetUp_Private(snes));
-    PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
-    PetscCall(SNESLatinFixedPoint_Private(data->outer, z, F, snes)); /* the last evaluation of the inner SNES may be at another state */
-    PetscCall(LatinParameterState_Private(data->latin, z, F, data->parameter.factor));
-  }
   PetscCall(LatinParameterTune_Private(data->latin, data->parameter.factor));
   PetscCall(SNESLatinSetUpState_Private(snes));
   PetscCall(SNESLatinCopyReference_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
-  data->guess = PETSC_FALSE;
+  data->guess          = PETSC_FALSE;
+  data->first_distance = -1.0;
   PetscCall(SNESLatinStart_Private(snes));
-  if (z) PetscCall(VecCopy(z, data->z));
-  else data->first_distance = -1.0;
-  PetscCall(VecDestroy(&z));
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinDecide_Private));
   PetscFunctionReturn(0);
 }

@@ -119,24 +119,20 @@ PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinCorrected_Private(PC, PetscBool corrected);
 
 /* ---- adaptive search parameter of rigid links (snes/searchparameter.c) ---- */
-#define LATIN_PARAMETER_PAST 4 /* windows of linear stages over which a stall is detected */
 typedef struct {
-  PetscBool  alone;                           /* rigid links alone: the iteration continues from the converted state */
-  PetscBool  beside;                          /* rigid links beside elastic ones: the parameter becomes the measured stiffness, and the solve restarts */
-  PetscInt   again;                           /* changes beside elastic links in this solve */
-  PetscInt   stages, window;                  /* linear stages with this parameter; stages of a window */
-  PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
-  PetscReal  sum[2];                          /* squared changes of tensions and of elongations in this window, on this rank */
-  PetscReal *tension, *stretch;               /* [nonsmooth] of the last local stage: tau_hat, l e_hat */
-  PetscReal  factor;                          /* next parameter, relative to the current one */
+  PetscBool  adapts;            /* the parameter may still change */
+  PetscInt   again;             /* changes in this solve */
+  PetscInt   stages;            /* linear stages with this parameter */
+  PetscReal  sum[2];            /* squared changes of tensions and of elongations, on this rank */
+  PetscReal *tension, *stretch; /* [nonsmooth] of the last linear stage: tau, l e */
+  PetscReal  factor;            /* next parameter, relative to the current one */
 } LatinParameter;
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
-PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, LatinParameter *, LatinNext *);
+PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, LatinParameter *, LatinNext *);
 PETSC_INTERN PetscErrorCode LatinParameterRestore_Private(Latin, PetscReal tuning, PetscReal scale);
 PETSC_INTERN PetscErrorCode LatinParameterLoads_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
-PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
 /* ---- large displacements: frame and course of a solve (snes/large.c, snes/largeiterate.c, snes/largenewton.c, snes/largepath.c) ---- */
 #define LATIN_LARGE_HOLD   0.3  /* stiffness of slack cables per relative step, relative to the mean tension over length; 0.1 and 1: masts take more stages */
