@@ -159,7 +159,6 @@ PetscErrorCode LatinPathBranch_Private(SNES snes, LatinPath *path, PetscBool *go
     PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
     large->path.reached += more;
     large->path.sheared = PETSC_TRUE;
-    path->failed        = PETSC_MAX_REAL;
   }
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &mode));
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));

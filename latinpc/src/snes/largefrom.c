@@ -38,7 +38,7 @@ PetscErrorCode SNESLatinLargeProof_Private(SNES snes, Vec u, PetscBool *done)
 /*
    Solves from the displacements u. near: u is near an equilibrium. Then Newton's method takes a few steps; if it fails, the interior-point method
    follows, since on a path a smaller increment is better than the iteration, whose local stage lets bars in compression buckle one by one. *inside, or
-   NULL: on entry, Newton's method is known to fail; on return, the interior-point method was used. Collective on snes
+   NULL: the interior-point method was used; else unchanged. Collective on snes
 */
 PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, PetscBool *inside)
 {
@@ -46,7 +46,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
   PetscBool   done = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (near && !(inside && *inside)) PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
+  if (near) PetscCall(SNESLatinLargeProof_Private(snes, u, &done));
   else PetscCall(LatinPathPlace_Private(snes, u));
   if (done) PetscFunctionReturn(0);
   if (near && SNESLatinLargeProves(data)) {

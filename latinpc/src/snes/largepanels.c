@@ -134,7 +134,6 @@ PetscErrorCode LatinPathPanels_Private(SNES snes, LatinPath *path, PetscBool *go
     PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
     large->path.reached += last.part;
     large->path.sheared = PETSC_TRUE;
-    path->failed        = PETSC_MAX_REAL;
   }
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &v));
   PetscCall(DMRestoreGlobalVector(large->frame->original->dm, &last.u));

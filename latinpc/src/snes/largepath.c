@@ -11,8 +11,7 @@
       times as long as that prediction, the increment is halved without a solve. One as long as the last one is solved for.
    2. Solution (LatinPathSolve_Private): Newton's method. It takes a few steps on a smooth path and fails if many cables change. Then the
       interior-point method takes over, which needs as many steps for a large increment as for a small one. From then on the largest
-      increments are solved first, and Newton's method is not repeated from the same equilibrium for larger increments than one at which it
-      failed.
+      increments are solved first.
    3. Comparison with the predictions of the tangent stiffness at both ends (snes/largecompare.c): whether a path leads there.
    4. The increment is halved if the comparison fails, if no equilibrium is found, or if its tangent stiffness is not positive definite.
       Equilibria found for larger increments are kept and compared again from closer states, so no load is solved for twice; one that is
@@ -56,17 +55,15 @@ static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, V
   PetscFunctionReturn(0);
 }
 
-/* Solves for the nearest target from u. After a failure Newton's method is not repeated for an increment larger than the failed one. Collective on snes */
+/* Solves for the nearest target from u. Collective on snes */
 static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, PetscBool *found)
 {
   SNES_Latin      *data   = (SNES_Latin *)snes->data;
   LatinPathTarget *target = &path->target[path->targets - 1];
-  const PetscReal  more   = target->part - data->large.path.reached;
-  PetscBool        inside = (PetscBool)(!target->u && more > path->failed);
+  PetscBool        inside = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE, &inside));
-  if (inside) path->failed = PetscMin(path->failed, more);
   if (inside) path->kinks = PETSC_TRUE;
   *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
   if (!*found) PetscCall(VecDestroy(&target->u));
@@ -156,8 +153,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   }
   PetscCall(VecCopy(target->u, path->u));
   PetscCall(VecCopy(target->ahead, path->ahead));
-  path->failed = PETSC_MAX_REAL;
-  path->far    = target->far;
+  path->far = target->far;
   PetscFunctionReturn(0);
 }
 
@@ -342,7 +338,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     PetscFunctionReturn(0);
   }
   for (PetscInt i = 0; i < 6; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .more = work[4], .step = work[5], .far = PETSC_MAX_REAL, .failed = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
+  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .more = work[4], .step = work[5], .far = PETSC_MAX_REAL, .heavier = PETSC_TRUE};
   /* Newton's method follows the path; it needs the error as stop */
   if (data->newton.type != LATIN_NEWTON_NEVER && !SNESLatinEstimates(data)) data->stop = LATIN_STOP_ERROR;
   ierr = LatinPathStart_Private(snes, &path, &from);

@@ -41,9 +41,8 @@ typedef struct {
 */
 typedef struct {
   Vec             first, whole, u, ahead, more, step;
-  PetscReal       far;    /* l2 norm of ahead; PETSC_MAX_REAL: the tangent stiffness at u is not positive definite */
-  PetscReal       last;   /* length of the last increment, 0 before the first */
-  PetscReal       failed; /* least increment from u at which Newton's method has failed */
+  PetscReal       far;  /* l2 norm of ahead; PETSC_MAX_REAL: the tangent stiffness at u is not positive definite */
+  PetscReal       last; /* length of the last increment, 0 before the first */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
   PetscBool       kinks, heavier;
