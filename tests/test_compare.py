@@ -139,6 +139,11 @@ def test_the_loosest_stop():
     assert run.loosest([], 1e-2) is None
 
 
+def test_newtons_method_ends_where_the_unbalance_is_not_a_number():
+    stop = run._stop(None, None, 1e-6, None, None, [])
+    assert stop(None, 3, (1.0, 1.0, np.nan)) == -4  # DIVERGED_FUNCTION_NANORINF; its name in Python changes
+
+
 @pytest.mark.parametrize("name", [name for name in HERE if METHODS[name].kind != "qp"])
 def test_calibrated_runs_reach_their_accuracy(name):
     scene = grid()

@@ -418,9 +418,7 @@ print(snes.getConvergedReason())
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_a_guess_that_is_not_a_number_on_one_rank_is_none_on_all(mpirun, ranks):
     """The largest of values and of what is no number is either of them, as MPI pleases."""
-    assert mpirun(ranks, NOT_A_NUMBER).stdout.split() == ranks * [
-        str(int(PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN))
-    ]
+    assert mpirun(ranks, NOT_A_NUMBER).stdout.split() == ranks * ["-4"]  # the name in Python changes
 
 
 CULPRITS = """

@@ -26,6 +26,7 @@ from . import METHODS, linear
 
 #: Tolerances of the interior point methods, tried in this order: they have no iterates to look at.
 QP_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+NOT_FINITE = -4  # SNES_DIVERGED_FUNCTION_NANORINF; its name in Python changes with PETSc 3.25
 BELOW = 0.3  # a calibration goes on until the error is that much below the smallest accuracy
 
 
@@ -204,7 +205,7 @@ def _stop(structure, scene, tolerance, reference, accuracy, history):
     def test(snes, iteration, norms):
         norm = norms[2]
         if not np.isfinite(norm):
-            return PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+            return NOT_FINITE
         if iteration == 0:
             first[:] = [norm or 1.0]
             return None
