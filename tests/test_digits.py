@@ -1,8 +1,8 @@
 """Digits of a solution: the unbalance tells its error, roundings what they move; Newton's method reaches them."""
 
 import json
-import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import oracle
@@ -161,7 +161,7 @@ def test_error_stop_beyond_the_iteration():
 def test_ranks_do_not_matter(mpirun, tmp_path):
     program = f"""
 import json, sys
-sys.path.insert(0, {sys.path[0]!r})
+sys.path.insert(0, {str(Path(__file__).parent)!r})
 import latinpc
 from support import irregular, latin
 structure = latinpc.Structure.from_scene(irregular())

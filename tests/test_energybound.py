@@ -1,8 +1,8 @@
 """The energy bound of linear structures: never below the true error, hardly above it; units, ranks, misuse."""
 
 import json
-import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import oracle
@@ -114,7 +114,7 @@ def test_units_do_not_matter():
 def test_ranks_do_not_matter(mpirun, tmp_path):
     program = f"""
 import json, sys
-sys.path.insert(0, {sys.path[0]!r})
+sys.path.insert(0, {str(Path(__file__).parent)!r})
 import latinpc
 from support import irregular, latin
 scene = irregular(kind="truss")

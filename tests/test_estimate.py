@@ -4,6 +4,7 @@ import json
 import shlex
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import oracle
@@ -124,7 +125,7 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
             if structure.comm.rank == 0:
                 json.dump(latinpc.history(run.snes)["estimate"].tolist(), open(file, "w"))
         """
-    program = "\n".join(line[8:] for line in program.splitlines()).format(tests=sys.path[0])
+    program = "\n".join(line[8:] for line in program.splitlines()).format(tests=str(Path(__file__).parent))
     for norm in ("l2", "energy"):
         found = []
         for ranks in (1, 3):

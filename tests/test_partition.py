@@ -2,9 +2,9 @@
 
 import json
 import re
-import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,7 +178,7 @@ def test_default_size(mpirun, tmp_path):
     scenes = grid(modules=8, partition="metis"), network(nodes=500), lattice(nx=32, ny=16)
 
     def found(ranks, variant, size):
-        mpirun(ranks, SIZES, tmp_path / "sizes.json", sys.path[0], variant, size)
+        mpirun(ranks, SIZES, tmp_path / "sizes.json", Path(__file__).parent, variant, size)
         return json.loads((tmp_path / "sizes.json").read_text())
 
     for ranks in (1, 2):

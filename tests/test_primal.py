@@ -1,7 +1,7 @@
 """Variant primal: all interfaces in the coarse problem, so that a partition changes nothing but the work."""
 
 import json
-import sys
+from pathlib import Path
 
 import numpy as np
 import oracle
@@ -92,7 +92,7 @@ def test_ranks_change_nothing(mpirun, tmp_path):
     """One subdomain a rank by default, and the iteration of one."""
     found = {}
     for ranks in (1, 2, 4):
-        mpirun(ranks, RANKS, tmp_path / f"{ranks}.json", sys.path[0])
+        mpirun(ranks, RANKS, tmp_path / f"{ranks}.json", Path(__file__).parent)
         found[ranks] = json.loads((tmp_path / f"{ranks}.json").read_text())
         for one, many in zip(found[1], found[ranks], strict=True):
             assert many[1] == ranks

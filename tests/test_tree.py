@@ -2,7 +2,7 @@
 
 import json
 import re
-import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -151,7 +151,7 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     """Taken where there are too many unknowns for every rank; an option chooses another one: the same iterates."""
 
     def found(name, *options):
-        mpirun(ranks, COARSE, tmp_path / name, sys.path[0], parts, 40, *options)
+        mpirun(ranks, COARSE, tmp_path / name, Path(__file__).parent, parts, 40, *options)
         return json.loads((tmp_path / name).read_text())
 
     tree = found("tree.json", "-snes_view", f":{tmp_path / 'view'}")
@@ -176,7 +176,7 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
 @pytest.mark.parametrize(("ranks", "parts"), [(2, 2), (2, 4), (4, 4)])
 def test_full_matrices_of_any_size_are_factored_once(mpirun, tmp_path, ranks, parts):
     """Few subdomains have as many entries as the whole matrix: no rank factors it alone; the iterates of one rank."""
-    mpirun(ranks, COARSE, tmp_path / "full.json", sys.path[0], parts, 12)
+    mpirun(ranks, COARSE, tmp_path / "full.json", Path(__file__).parent, parts, 12)
     full = json.loads((tmp_path / "full.json").read_text())
     assert full["rows"] < 1500
     assert (full["type"], full["solver"]) == ("is", "latintree")
@@ -186,5 +186,5 @@ def test_full_matrices_of_any_size_are_factored_once(mpirun, tmp_path, ranks, pa
 
 def test_small_sparse_matrices_are_joined_as_well(mpirun, tmp_path):
     """Many subdomains, each of which touches a small part of the unknowns."""
-    mpirun(2, COARSE, tmp_path / "many.json", sys.path[0], 40, 12)
+    mpirun(2, COARSE, tmp_path / "many.json", Path(__file__).parent, 40, 12)
     assert json.loads((tmp_path / "many.json").read_text())["type"] == "is"
