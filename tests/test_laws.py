@@ -139,7 +139,8 @@ def test_initial_elongation_out_of_reach_of_the_load_makes_cables_bars():
 
 
 # ---- tables in results -------------------------------------------------------------------------
-YIELDS = ([-2e-3, -1e-3, 1e-3, 2e-3], [-10.0, -10.0, 10.0, 10.0], "yields")
+# of no other test: the first name of a table stays
+YIELDS = ([-3e-3, -1e-3, 1e-3, 3e-3], [-10.0, -10.0, 10.0, 10.0], "yields")
 
 
 def test_a_table_that_yields_is_not_said_to_be_slack():
