@@ -48,27 +48,55 @@ cdef extern from *:
       PetscFunctionReturn(0);
     }
 
-    /* Collective on comm */
+    /* Keeps PETSc's duplicate of comm, unless it is kept. Its allocations, which may fail on one rank, come after the collective calls */
+    static PetscErrorCode LatinKeepNew(MPI_Comm comm, PetscBool *there)
+    {
+      LatinKept     *one = kept;
+      MPI_Comm       petsc;
+      PetscErrorCode ierr;
+
+      PetscFunctionBegin;
+      *there = PETSC_FALSE;
+      PetscCall(PetscCommDuplicate(comm, &petsc, NULL));
+      while (one && one->comm != petsc) one = one->next;
+      if (one) {
+        *there = PETSC_TRUE;
+        PetscCall(PetscCommDestroy(&petsc));
+        PetscFunctionReturn(0);
+      }
+      ierr = kept ? (PetscErrorCode)0 : PetscRegisterFinalize(LatinKeepNone);
+      if (!ierr) ierr = PetscNew(&one);
+      if (ierr) (void)PetscCommDestroy(&petsc);
+      PetscCall(ierr);
+      one->comm = petsc;
+      one->next = kept;
+      kept      = one;
+      PetscFunctionReturn(0);
+    }
+
+    /* All ranks keep it or none: an error of one is an error of all. Collective on comm */
     static PetscErrorCode LatinKeepComm(MPI_Comm comm)
     {
-      LatinKept  *one = kept;
-      MPI_Comm    petsc;
-      PetscMPIInt size;
+      PetscBool      there;
+      PetscMPIInt    size, worst;
+      PetscErrorCode ierr;
 
       PetscFunctionBegin;
       PetscCallMPI(MPI_Comm_size(comm, &size));
       if (size == 1) PetscFunctionReturn(0);
-      PetscCall(PetscCommDuplicate(comm, &petsc, NULL));
-      while (one && one->comm != petsc) one = one->next;
-      if (one) {
-        PetscCall(PetscCommDestroy(&petsc));
-        PetscFunctionReturn(0);
+      ierr = LatinKeepNew(comm, &there);
+      if (there) PetscFunctionReturn(0);
+      worst = (PetscMPIInt)ierr;
+      PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &worst, 1, MPI_INT, MPI_MAX, comm));
+      if (worst && !ierr) {
+        LatinKept *one = kept;
+
+        kept = one->next;
+        PetscCall(PetscCommDestroy(&one->comm));
+        PetscCall(PetscFree(one));
       }
-      if (!kept) PetscCall(PetscRegisterFinalize(LatinKeepNone));
-      PetscCall(PetscNew(&one));
-      one->comm = petsc;
-      one->next = kept;
-      kept      = one;
+      PetscCall(ierr);
+      PetscCheck(!worst, PETSC_COMM_SELF, (PetscErrorCode)worst, "Another rank has failed to keep a communicator");
       PetscFunctionReturn(0);
     }
     """
