@@ -130,7 +130,7 @@ def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: boo
             if _least(M, v) <= SHIFT * _mean(M):
                 kind = "mechanism"
             else:
-                M.copy(both)
+                M.copy(both, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)  # PETSc 3.26 loses memory with another
                 both.axpy(1.0, K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
                 v.setRandom(random)
                 kind = "unstable" if _least(both, v, M) < 1.0 else kind  # K + M has mu + 1, never negative
