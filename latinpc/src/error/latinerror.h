@@ -189,6 +189,8 @@ typedef struct {
   PetscReal ds, rhs;
 } LatinBound;
 
+#define LATIN_SLIP_SHORT 0.1 /* steps shorter than this are short: the path turns back, or the point is at a boundary */
+
 /* Contact with friction: S, its steps, and its tangent stiffness (error/slip.c) */
 typedef struct {
   PetscInt  link;          /* number of its normal part */

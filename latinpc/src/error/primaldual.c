@@ -223,7 +223,7 @@ static PetscErrorCode LatinPrimalDualBounded_Private(LatinPrimalDual *c)
 
   PetscFunctionBegin;
   PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
-  while (c->mean > most) {
+  while (c->mean > most && c->length > 0.0) {
     c->length *= 0.5;
     PetscCall(LatinPrimalDualMean_Private(c, c->length, &c->mean));
   }
@@ -302,5 +302,6 @@ PetscErrorCode LatinPrimalDualIterate_Private(LatinPrimalDual *c, PetscBool *fai
   c->unbalance *= 1.0 - c->length;
   PetscCall(LatinPrimalDualElongations_Private(c));
   LatinSlipsMove(c);
+  if (c->structure->has_friction) PetscCall(LatinPrimalDualMean_Private(c, 0.0, &c->mean)); /* contacts may have moved into their cones */
   PetscFunctionReturn(0);
 }

@@ -251,7 +251,7 @@ void LatinSlipsMove(LatinPrimalDual *c)
   for (PetscInt k = 0; k < c->slips; k++) {
     c->slip[k].bound += c->length * c->slip[k].dbound;
     for (PetscInt i = 0; i < c->structure->dim; i++) c->slip[k].S[i] += c->length * c->slip[k].dS[i];
-    LatinSlipInside(c, &c->slip[k]);
+    if (c->length < LATIN_SLIP_SHORT) LatinSlipInside(c, &c->slip[k]);
   }
 }
 

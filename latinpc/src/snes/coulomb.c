@@ -10,8 +10,7 @@
 */
 
 #define LATIN_COULOMB_STEPS     1000                          /* most steps */
-#define LATIN_COULOMB_SHORT     0.1                           /* steps shorter than this are short, */
-#define LATIN_COULOMB_LONG      0.5                           /* and longer than this long */
+#define LATIN_COULOMB_LONG      0.5                           /* steps longer than this are long; shorter than LATIN_SLIP_SHORT short */
 #define LATIN_COULOMB_PATIENCE  3                             /* successive short steps of Newton's method that show that the path turns back */
 #define LATIN_COULOMB_PACE      1.0                           /* first pace, in the time in which bounds would follow by the difference mu y - b */
 #define LATIN_COULOMB_SLOWER    0.5                           /* factor on the pace after a short step, */
@@ -102,7 +101,7 @@ static void LatinCoulombPace(LatinPrimalDual *c, LatinCoulomb *run)
 {
   const PetscBool newton = PetscIsInfReal(run->pace);
 
-  run->shorts = c->length < LATIN_COULOMB_SHORT ? run->shorts + 1 : 0;
+  run->shorts = c->length < LATIN_SLIP_SHORT ? run->shorts + 1 : 0;
   if (newton && run->shorts >= LATIN_COULOMB_PATIENCE) run->pace = LATIN_COULOMB_PACE;
   else if (!newton && run->shorts) run->pace *= LATIN_COULOMB_SLOWER;
   else if (c->length > LATIN_COULOMB_LONG) run->pace *= LATIN_COULOMB_FASTER;
