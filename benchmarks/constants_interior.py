@@ -23,8 +23,8 @@ INTERIOR = {
     "LATIN_SLIP_INSIDE": (
         "of X.S",
         "Motions: without it step 6 of spheres, 12 a side, friction 0.9, and step 15 of discs, 100 a side, 0.3, are "
-        "not found in 1,000 steps. With it eight steps of the spheres take at most 393 stages. After each step, not the "
-        "short ones alone: 265, with 0.001 and 0.1 1,073 and 255, but errors of 1e-9 are not reached.",
+        "not found in 1,000 steps. With it eight steps of the spheres take at most 393 stages. After each step, not "
+        "the short ones alone: 265, with 0.001 and 0.1 1,073 and 255, but errors of 1e-9 are not reached.",
     ),
     "LATIN_SLIP_POWER": (
         "",
