@@ -22,9 +22,10 @@ INTERIOR = {
     ),
     "LATIN_SLIP_INSIDE": (
         "of X.S",
-        "Motions: without it step 6 of spheres, 12 a side, friction 0.9, and step 15 of discs, 100 a side, 0.3, are "
-        "not found in 1,000 steps. With it eight steps of the spheres take at most 393 stages. After each step, not "
-        "the short ones alone: 265, with 0.001 and 0.1 1,073 and 255, but errors of 1e-9 are not reached.",
+        "Motion of spheres, 12 a side, friction 0.9: without it step 6 is not found in 1,000 steps, with it eight "
+        "steps take at most 393 stages. After each step, not the short ones alone: 265, with 0.001 and 0.1 1,073 and "
+        "255, and 40 steps of discs, 100 a side, friction 0.3, of which 14 else; but errors of 1e-9 at rest are not "
+        "reached.",
     ),
     "LATIN_SLIP_POWER": (
         "",
