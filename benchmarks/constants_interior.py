@@ -22,10 +22,9 @@ INTERIOR = {
     ),
     "LATIN_SLIP_INSIDE": (
         "of X.S",
-        "Motion of spheres, 12 a side, friction 0.9: without it step 6 is not found in 1,000 steps, with it eight "
-        "steps take at most 393 stages. After each step, not the short ones alone: 265, with 0.001 and 0.1 1,073 and "
-        "255, and 40 steps of discs, 100 a side, friction 0.3, of which 14 else; but errors of 1e-9 at rest are not "
-        "reached.",
+        "Motion of spheres, 12 a side, friction 0.9: without it step 6 is not found in 1,000 steps; with it eight "
+        "steps take at most 393 stages. If contacts move after long steps as well, 265, and discs, 100 a side, "
+        "friction 0.3, make 40 steps, not 14; but packings at rest do not reach errors of 1e-9.",
     ),
     "LATIN_SLIP_POWER": (
         "",

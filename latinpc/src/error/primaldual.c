@@ -216,7 +216,10 @@ static PetscErrorCode LatinPrimalDualLength_Private(LatinPrimalDual *c, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Shortens the step until the mean product grows by no more than LATIN_PRIMAL_DUAL_RISE in it, and updates c->mean. Collective */
+/*
+   Shortens the step until the mean product grows by no more than LATIN_PRIMAL_DUAL_RISE in it, to zero if need be, as the products may be rounding, and
+   updates c->mean. Collective
+*/
 static PetscErrorCode LatinPrimalDualBounded_Private(LatinPrimalDual *c)
 {
   const PetscReal most = LATIN_PRIMAL_DUAL_RISE * c->mean;

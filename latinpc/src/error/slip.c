@@ -14,7 +14,7 @@
    one, it is convex, and steps are long. So b is an unknown of its own and follows mu y by a part of the difference: db = follow (mu (y + dy) - b).
 */
 
-#define LATIN_SLIP_INSIDE 0.01 /* least product of the distances of X and S from the boundaries and their farther ones, relative to X.S */
+#define LATIN_SLIP_INSIDE 0.01 /* least product of the small eigenvalue of X and the large one of S, and conversely, relative to X.S */
 
 /* Allocates the slips of the contacts of this rank. Not collective */
 PetscErrorCode LatinSlipsCreate_Private(LatinPrimalDual *c)
@@ -226,8 +226,8 @@ PetscReal LatinSlipsProducts(const LatinPrimalDual *c, PetscReal length)
 }
 
 /*
-   Moves X and S of a contact away from the boundaries of their cones, relative to X.S. Near one of them alone, where S turns against X, each step would
-   end at the boundary again, the shorter the nearer. The friction bound and the rate of slip are free to grow: the next step takes both back
+   Moves X and S of a contact away from the boundaries of their cones, relative to X.S, by a larger friction bound and a larger rate of slip. The next
+   step takes both back. A point at the boundary of one cone alone makes each step end there, 20 times shorter than the last one
 */
 static void LatinSlipInside(const LatinPrimalDual *c, LatinSlip *slip)
 {
