@@ -31,7 +31,8 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
     -------
     int
         For the `law` of `Structure`; the same for the same points. A link of stiffness 0 has these tensions, one of
-        another stiffness has them in proportion: the stiffness is the slope where the law is steepest.
+        another stiffness has them in proportion: the stiffness is the slope where the law is steepest or, where the
+        tension is the same everywhere, this tension over the range of the elongations.
 
     Examples
     --------
@@ -39,6 +40,10 @@ def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table
 
     >>> import latinpc
     >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
+
+    The cable of a counterweight of 500 N, whose tension does not depend on its length:
+
+    >>> weighted = latinpc.register_table([0, 1], [500, 500])
     """
     x, tau = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
     if len(x) != len(tau):

@@ -8,8 +8,8 @@
 
 typedef struct {
   PetscInt   n;     /* number of points */
-  PetscReal *x, *t; /* [n] strains; tensions over the steepest slope, lengths */
-  PetscReal *w;     /* [n] energies, zero at the first point, over the steepest slope */
+  PetscReal *x, *t; /* [n] strains; tensions over the stiffness, lengths */
+  PetscReal *w;     /* [n] energies, zero at the first point, over the stiffness */
 } LatinTable;
 
 static PetscInt room = LATIN_LAW_TANGENT + 1; /* number of laws that fit into the table */
@@ -104,7 +104,7 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 }
 
 /*@
-  LatinLawGetStiffness - Default stiffness of the links of a law: of a table its steepest slope, of other laws 0: none.
+  LatinLawGetStiffness - Default stiffness of the links of a law: of a table its steepest slope, or a constant tension over the range of strains; of other laws 0: none.
 
   Not collective
 
@@ -241,7 +241,8 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
 
   Note:
   The first and the last segment extend beyond the points. A link of stiffness 0 has the tensions of the table; with
-  another stiffness k they are scaled, so that the steepest slope is k.
+  another stiffness k they are scaled, so that the steepest slope is k. Where the tension is the same everywhere, as in the cable of a
+  counterweight, k stands for this tension over the range of the strains.
 
 .seealso: `LatinLawRegister()`, `LatinStructureSetLaws()`
 @*/
@@ -265,7 +266,8 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
     steepest = PetscMax(steepest, (tension[i] - tension[i - 1]) / (strain[i] - strain[i - 1]));
   }
   PetscCheck(!PetscIsInfOrNanReal(steepest), PETSC_COMM_SELF, PETSC_ERR_FP, "Points of the law %s are so near to each other that its stiffness is not a finite number", name);
-  PetscCheck(steepest > 0.0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The law %s has the same tension everywhere: put it into the loads", name);
+  if (steepest == 0.0) steepest = PetscAbsReal(tension[0]) / (strain[n - 1] - strain[0]);
+  PetscCheck(steepest > 0.0 && !PetscIsInfOrNanReal(steepest), PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The law %s has no tension anywhere: leave out its links", name);
   for (*law = LATIN_LAW_TANGENT + 1; *law < LatinLawCount; ++*law)
     if (LatinTableSame(&LatinLaws[*law], n, strain, tension, steepest)) PetscFunctionReturn(0);
   PetscCall(PetscNew(&table));
