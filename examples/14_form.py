@@ -7,7 +7,7 @@
 The drawing is a square net over 16 m, flat but for two high corners, hung at its four corners alone. Force densities,
 tension over length, say how taut its cables are; the form in which they balance is one linear system per coordinate.
 Snow moves it by large displacements. Frequencies and buckling factors need SLEPc, and are left out without it. The mast
-under it is a strut: a negative force density.
+under it is a strut: a negative force density. Last, the edges get a force instead of a force density.
 """
 
 import sys
@@ -58,6 +58,13 @@ up = latinpc.form_find(
 )
 PETSc.Sys.Print(f"a mast lifts its middle by {up.nodes[N // 2 * (N + 2), 2] - middle[2]:.3f} m")
 assert up.tensions[-1] < 0.0 and up.unbalance < 1e-9
+
+# all pieces of the edges bear 60 kN, as if they were jacked: to which lengths are they cut?
+force = np.where(edge, 60e3, np.nan)  # N; nan: the force density of the net
+jacked = latinpc.form_find(nodes, links, fixed, density, force=force, EA=np.where(edge, 3e7, 5e6), name="jacked")
+PETSc.Sys.Print(f"edges of 60 kN are {jacked.natural_lengths[edge].sum() / 4:.4f} m long each, without tension")
+assert np.allclose(jacked.tensions[edge], 60e3) and np.allclose(jacked.densities[~edge], 2e3)
+assert jacked.unbalance < 1e-8 and abs(jacked.structure.solve().displacements).max() < 1e-6
 
 try:
     at_rest = at_rest.modes(3)

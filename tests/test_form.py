@@ -333,7 +333,7 @@ def test_misuse_is_named():
         (given | {"natural_length": 1.0}, "natural lengths need the axial stiffness"),
         (given | {"natural_length": -1.0, "EA": 1.0}, "need a positive natural_length"),
         (given | {"EA": 0.0}, "need a positive EA"),
-        (given | {"density": -5.0, "law": "cable"}, "have a force density that their law cannot bear"),
+        (given | {"density": -5.0, "law": "cable"}, "have a force or a force density that their law cannot bear"),
         (given | {"law": "inextensible"}, "takes the laws bar, cable and compression_only"),
         (given | {"density": -5.0, "EA": 1.0}, "link 0 bears .* no natural length becomes so short"),
         (given | {"links": [[0, 11]] * 10}, "join a node that does not exist"),

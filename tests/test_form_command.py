@@ -46,7 +46,12 @@ def test_command_of_natural_lengths_on_ranks(tmp_path, mpirun):
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    ((), "give force densities with --density, or --natural"),
+    ((), "give force densities with --density, forces with --force, or --natural"),
+    (("--force", "edges=x"), "--force edges=x: write a number (N), LAW=number or GROUP=number with one of the drawing"),
+    (("--force", "edges=5"), "link 3-18 has no --force: give a --density of such links, or --natural"),
+    (("--force", "edges=5", "--force", "edges=6"), "--force edges=5 and --force edges=6 are for the same links"),
+    (("--force", "-5"), "have a force or a force density that their law cannot bear"),
+    (("--force", "2e3"), "no stable form bears these forces: in the nearest one link "),
     (("--density", "cable=x"), "--density cable=x: write a number"),
     (("--density", "bar=4"), "with one of the drawing (cable, edges, net)"),
     (("--density", "edges=4"), "links of the law cable have none; give cable=X"),
@@ -63,6 +68,17 @@ def test_command_of_natural_lengths_on_ranks(tmp_path, mpirun):
 def test_command_refuses(words, said):
     """With 2 and a sentence."""
     assert said in command("form", CANOPY, *words, code=2).stderr
+
+
+def test_command_takes_forces(tmp_path):
+    """Edges of 20 kN around a net of the drawn densities; the tables hold the lengths to which they are cut."""
+    words = ["--density", "drawn", "--force", "edges=20e3", "--csv", "members.csv", "nodes.csv", "--json", "-"]
+    found = json.loads(run([LATINPC, "form", CANOPY, *words], cwd=tmp_path).stdout)
+    assert found["tension"][1] == 20e3 and found["unbalance"] < 1e-8
+    assert found["density"][0] == pytest.approx(2e3)
+    hung = latinpc.Structure.from_scene(latinpc.read(tmp_path))
+    hung.set_geometry("large")
+    assert hung.solve().tensions.max() == pytest.approx(20e3, rel=1e-6)
 
 
 def test_command_takes_densities_by_law_and_scenes():

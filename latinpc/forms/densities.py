@@ -107,7 +107,11 @@ def _solve(nodes, links, held, density, load, axes, comm):
 def _solver(ends, density, count, comm):
     """Make D and the KSP of its options, a direct factor by default; collective."""
     chosen = PETSc.Options(PREFIX).getString("pc_type", "")
-    D = (_unassembled if chosen in SUBSTRUCTURING else _assembled)(ends, density, count, comm)
+    D = (
+        _unassembled(ends, density, count, comm)
+        if chosen in SUBSTRUCTURING
+        else assembled(*_entries(ends, density), count, comm)
+    )
     D.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     ksp = PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(PREFIX)
@@ -136,10 +140,10 @@ def _csr(rows, columns, values, first, last, width):
     return start, (key % width).astype(PETSc.IntType), np.bincount(where, values[mine], len(key))
 
 
-def _assembled(ends, density, count, comm):
-    """Make D as AIJ: each rank has a block of rows."""
+def assembled(rows, columns, values, count, comm):
+    """Make a square matrix as AIJ from its entries, several of one place: each rank has a block of rows; collective."""
     first, last = block(count, comm.rank, comm.size)
-    csr = _csr(*_entries(ends, density), first, last, count)
+    csr = _csr(rows, columns, values, first, last, count)
     return PETSc.Mat().createAIJ(((last - first, count), (last - first, count)), csr=csr, comm=comm)
 
 
@@ -167,7 +171,7 @@ def _solved(ksp, size, column):
     _apply(ksp, b, x)
     D.mult(x, r)
     r.aypx(-1.0, b)
-    whole, left, most = _gathered(x), r.norm(), LEFT * max(b.norm(), size * x.norm())
+    whole, left, most = gathered(x), r.norm(), LEFT * max(b.norm(), size * x.norm())
     for vector in (x, b, r):
         vector.destroy()
     if not left <= most:
@@ -184,8 +188,8 @@ def _apply(ksp, b, x):
         raise RuntimeError(f"form finding: the linear solver ends with {name}; {CURE}")
 
 
-def _gathered(x):
-    """Return a vector whole; collective."""
+def gathered(x):
+    """Return a vector whole, on every rank; collective."""
     return np.concatenate(x.getComm().tompi4py().allgather(x.array.copy()))
 
 
@@ -202,7 +206,7 @@ def _regular(ksp, D, size, nodes):
         _apply(ksp, x, y)
         least = 1.0 / max(y.norm(), 1e-300)
         x, y = y, x
-    shape = np.abs(_gathered(x))
+    shape = np.abs(gathered(x))
     ksp.setOperators(D)
     for thing in (x, y, shifted):
         thing.destroy()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pathlib
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,14 +17,15 @@ from latinpc.checks import Checks, checked_name, checked_shapes
 from latinpc.laws import Law
 from latinpc.numbering import Numbering
 from latinpc.options import default_options, given_options
-from latinpc.results.notices import LatinWarning, SolveError, warn
+from latinpc.results.notices import warn
 from latinpc.results.tables import AXES, table, write_csv
 from latinpc.results.units import counted, quantity
 from latinpc.results.unread import unread
-from latinpc.solvers import negative_pivots
 from latinpc.structure import Structure
 
 from .densities import PREFIX, equilibrium
+from .settling import extended, settled, shortened
+from .stressing import stressed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,12 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Form", "form_find"]
 
-ERROR = 1e-8  # of the largest force: what may be unbalanced in a form of natural lengths
-SOLVES = 4  # most solves for natural lengths, each from the last form: 1 or 2 are usual
-SOFT = 1e-9  # of the largest diagonal entry of a stiffness: negative eigenvalues that are smaller are zero
-ROUNDING = 64.0  # times eps, of EA: forces that rounding of lengths makes
-PLACES = 4.0  # times eps, of the stiffness times the largest coordinate: the same of coordinates
-SHORT = 1e-9  # of the size of a form: links that are shorter have no direction
+ERROR = 1e-8  # of the largest force: what may be unbalanced in a form that is solved for with large displacements
 
 
 @dataclass(repr=False, eq=False)
@@ -254,6 +249,7 @@ def form_find(
     fixed: ArrayLike,
     density: ArrayLike | None = None,
     *,
+    force: ArrayLike | None = None,
     natural_length: ArrayLike | None = None,
     EA: ArrayLike | None = None,
     load: ArrayLike | None = None,
@@ -268,8 +264,9 @@ def form_find(
 ) -> Form:
     """Find the nodes at which links are in equilibrium with loads and supports; collective.
 
-    With force densities by one linear system per coordinate [H.-J. Schek 1974, (14)]. With natural lengths by a solve
-    with large displacements, from the form of the densities if they are given too, else from the nodes as drawn.
+    Each link has what is given of it, the first of: its force, its natural length, its force density. With densities
+    alone by one linear system per coordinate [H.-J. Schek 1974, (14)], else by a solve with large displacements, from
+    the form of the densities if they are given too, else from the nodes as drawn.
 
     Parameters
     ----------
@@ -280,25 +277,30 @@ def form_find(
     fixed : (n, dim) array_like of bool
         Coordinates that stay.
     density : (m,) array_like of float, or float, optional
-        Force densities, tension over length (N/m), negative in struts.
+        Force densities, tension over length (N/m), negative in struts. Beside forces or natural lengths those of links
+        without them must be positive. Those of links with them serve the start alone, which takes tensile forces over
+        drawn lengths before.
+    force : (m,) array_like of float, or float, optional
+        Forces (N), negative in struts, whatever the lengths become. nan: none.
     natural_length : (m,) array_like of float, or float, optional
-        Lengths of the links without tension (m). Needs `EA`.
+        Lengths of the links without tension (m). Needs `EA`. nan: none.
     EA : (m,) array_like of float, or float, optional
         Axial stiffness (N). Without it a form has no natural lengths, and no structure.
     load : (n, dim) array_like of float, optional
         Forces on the nodes (N), which do not change with the form.
     law : (m,) array_like of int or str, or one for all links, optional
-        Law of the structure: bar, cable or compression_only; by default bars where the density is negative, cables
-        elsewhere.
+        Law of the structure: bar, cable or compression_only; by default bars where the force or the density is
+        negative, cables elsewhere.
     mass : (n,) array_like of float, or float, optional
         Lumped masses of the nodes (kg) of the structure, for its modes; they are no loads.
     area, strength : (m,) array_like of float, or float, optional
         Cross sections (m^2) and strengths of the material (Pa) of the structure, for stresses and utilisations.
     error : float, optional
-        Of a form of natural lengths: the largest unbalanced force, relative to the largest force; 1e-8 by default.
+        Of a form with forces or natural lengths: the largest unbalanced force, relative to the largest force; 1e-8 by
+        default.
     options : mapping, optional
         PETSc options by name: of the KSP of the force densities, whose prefix is ``form_``, as ``{"form_pc_type":
-        "latin", "form_ksp_type": "cg"}`` (a direct factor by default), and of the SNES of natural lengths.
+        "latin", "form_ksp_type": "cg"}`` (a direct factor by default), and of the SNES of forces and natural lengths.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
     name : str
@@ -316,7 +318,8 @@ def form_find(
         densities zero; densities of struts and cables that cancel; links of no length in the form, or compressed by
         more than EA.
     latinpc.SolveError
-        When the solve for natural lengths ends without a stable equilibrium; its `result` is the last iterate.
+        When the solve for forces or natural lengths ends without a stable equilibrium; its `result` is the last
+        iterate.
 
     Examples
     --------
@@ -332,96 +335,49 @@ def form_find(
     True
     """
     comm = communicator(comm)
-    of_links = {"density": density, "natural_length": natural_length, "EA": EA}
+    of_links = {"density": density, "force": force, "natural_length": natural_length, "EA": EA}
     more = {"name": name, "mass": mass, "area": area, "strength": strength}
     given, more = agreed(comm.tompi4py(), _checked, nodes, links, fixed, load, law, of_links, error, more)
     alike(comm.tompi4py(), error=error, options=options)
     same_arrays(comm.tompi4py(), **given, **more)
     nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
     options, start, notices = given_options(options), nodes, []
-    theirs = {key: value for key, value in options.items() if not key.startswith(PREFIX)}  # of the natural lengths
-    if given["density"] is not None:
+    theirs = {key: value for key, value in options.items() if not key.startswith(PREFIX)}  # of large displacements
+    moves = force is not None or natural_length is not None
+    density = _start(given)
+    if density is not None:
         with default_options(options) as ours:
-            start = equilibrium(nodes, links, fixed, given["density"], load, comm)
-            notices = unread(comm, [key for key in ours if natural_length is None or key not in theirs])
-    _extended(start, links)
+            start = equilibrium(nodes, links, fixed, density, load, comm)
+            notices = unread(comm, [key for key in ours if not moves or key not in theirs])
+    extended(start, links)
     form = Form(
         name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], comm=comm, notices=notices, **more
     )
-    if natural_length is None:
-        form.tensions = given["density"] * form.lengths
-        form.natural_lengths = _natural(form)
-    else:
-        form.natural_lengths = given["natural_length"]
+    if moves:
         with default_options(theirs) as ours:
-            form = _settled(form, ERROR if error is None else error)
+            form = _moved(form, given, ERROR if error is None else error)
             form.notices += unread(comm, ours)
+    else:
+        form.tensions = density * form.lengths
+    form.natural_lengths = _natural(form, given["natural_length"])
     for notice in form.notices:
         warn(comm, notice)
     return form
-
-
-def _settled(form, error):
-    """Return the form that given natural lengths settle into; collective."""
-    rounding = np.finfo(float).eps * (ROUNDING * form.EA + PLACES * form.stiffness * np.abs(form.nodes).max())
-    for _ in range(SOLVES):  # balance alone does not say whether a form is stable
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LatinWarning)  # what counts is the balance that is left
-            result = form.structure.solve(error=error)
-        form = replace(form, nodes=form.nodes + result.displacements)
-        _extended(form.nodes, form.links)
-        strain = form.stiffness * (form.lengths - form.natural_lengths)
-        strain[np.abs(strain) <= rounding] = 0.0
-        slack = ((form.law == Law.CABLE) & (strain <= 0.0)) | ((form.law == Law.COMPRESSION_ONLY) & (strain >= 0.0))
-        form = replace(form, tensions=np.where(slack, 0.0, strain))
-        balanced = form.unbalance <= error or form.largest_unbalance <= rounding.max()
-        held = slack.all() or (form.tensions.any() and not _unstable(form))  # slack nodes may lie anywhere
-        found = balanced and (result.converged or held)
-        if found or not result.displacements.any():  # the next solve would be the same
-            break
-    if not found:
-        raise _lost(result, form.unbalance)
-    if slack.all():
-        raise ValueError("all links are slack, and nothing holds a form: the natural lengths are too long")
-    count = int(slack.sum())
-    if count:
-        form.notices.append(f"{count} link{'s are' if count > 1 else ' is'} slack: longer than the form has room for")
-    return form
-
-
-def _unstable(form):
-    """Whether the tangent stiffness has negative eigenvalues; zero ones of slack parts do not count; collective."""
-    u = form.structure.create_vec()
-    K = form.structure.dm.createMat()
-    form.structure.jacobian(u, K)
-    K.shift(SOFT * K.getDiagonal().norm(PETSc.NormType.INFINITY))
-    count = negative_pivots(K, PREFIX)
-    K.destroy()
-    u.destroy()
-    return count > 0
-
-
-def _lost(result, unbalance):
-    """Return the error of a solve that ends without a form, with what its notices say."""
-    left = f"the last one leaves unbalanced forces of {unbalance:.1e} of the largest force, or buckles"
-    said = "; ".join([left if result.converged else result.reason, *result.notices])
-    lost = SolveError(
-        f"form finding: no stable equilibrium of these natural lengths was found: {said}. Draw the structure nearer to"
-        " its form, start from the form of force densities, or change the lengths"
-    )
-    lost.result = result
-    return lost
 
 
 def _checked(nodes, links, fixed, load, law, of_links, error, more):
     """Check and complete what is given; return arrays by name, and those that `more` has; not collective."""
     checked_name(more["name"])
     nodes, links = map(np.array, checked_shapes({"nodes": nodes, "links": links}, np.dtype(float)))
-    if of_links["density"] is None and of_links["natural_length"] is None:
-        raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
-    if of_links["natural_length"] is None and error is not None:
-        raise ValueError("error is for natural lengths, the form of force densities has none: leave it out")
-    if of_links["natural_length"] is not None and of_links["EA"] is None:
+    kinds = [key for key in ("force", "natural_length", "density") if of_links[key] is not None]
+    if not kinds:
+        raise ValueError(
+            "a form follows from force densities (density, N/m), forces (force, N) or natural lengths (natural_length,"
+            " m)"
+        )
+    if kinds == ["density"] and error is not None:
+        raise ValueError("error is for natural lengths and forces, the form of force densities has none: leave it out")
+    if "natural_length" in kinds and of_links["EA"] is None:
         raise ValueError("natural lengths need the axial stiffness of the links: give EA, in N")
     if fixed is None:
         raise ValueError("a form needs supports: give fixed, an (n, dim) array of bool, true where a coordinate stays")
@@ -431,45 +387,71 @@ def _checked(nodes, links, fixed, load, law, of_links, error, more):
     for key, values in of_links.items():
         found[key] = None if values is None else np.array(checks.link_array(key, values))
         if values is not None:
-            right = np.isfinite(found[key]) & ((key == "density") | (found[key] > 0.0))
-            refuse(~right, "link", f"needs a {'finite' if key == 'density' else 'positive'} {key}", found[key])
+            _right(key, found[key], several=len(kinds) > 1 and key in kinds)
+    _governed(found, kinds)
     found["fixed"] = np.array(checks.node_array("fixed", fixed, bool))
     found["load"] = np.array(checks.node_array("load", 0.0 if load is None else load))
-    signs = np.zeros(len(links)) if found["density"] is None else found["density"]
+    signs = np.zeros(len(links))
+    for key in ("density", "force"):
+        signs = signs if found[key] is None else np.where(np.isnan(found[key]), signs, found[key])
     law = np.where(signs < 0.0, Law.BAR, Law.CABLE) if law is None else law
     found["law"] = np.array(checks.law(law, [known.name.lower() for known in Law]))
     elastic = (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY)
     if not np.isin(found["law"], elastic).all():
         raise ValueError("form finding takes the laws bar, cable and compression_only")
     wrong = ((signs < 0.0) & (found["law"] == Law.CABLE)) | ((signs > 0.0) & (found["law"] == Law.COMPRESSION_ONLY))
-    refuse(wrong, "link", "has a force density that its law cannot bear", signs)
+    refuse(wrong, "link", "has a force or a force density that its law cannot bear", signs)
     kept = {"mass": None if more["mass"] is None else np.array(checks.mass(more["mass"]))}
     for key in ("area", "strength"):
         kept[key] = None if more[key] is None else np.array(checks.positive(key, more[key]))
     return found, kept
 
 
-def _extended(nodes, links):
-    """Refuse a form in which nodes of a link fall together."""
-    length = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
-    short = np.flatnonzero(length <= SHORT * max(np.ptp(nodes, axis=0).max(), 1e-300))
-    if short.size:
-        a, b = links[short[0]]
-        raise ValueError(
-            f"link {short[0]} has no length in the form, one of {short.size}: nodes {a} and {b} fall together; hold"
-            " more nodes, or change densities and loads"
-        )
+def _right(key, values, several):
+    """Refuse values of links that cannot be; several: others may say what a link has, and nan stands for none."""
+    word = {"density": "finite", "force": "nonzero", "natural_length": "positive", "EA": "positive"}[key]
+    right = np.isfinite(values) & ((key == "density") | (values > 0.0) | ((key == "force") & (values != 0.0)))
+    refuse(~right & ~(np.isnan(values) & several), "link", f"needs a {word} {key}", values)
 
 
-def _natural(form):
-    """Return the natural lengths L EA / (EA + T), None without EA."""
+def _governed(found, kinds):
+    """Leave each link the first of its kinds alone, but densities for the start; refuse links without any."""
+    free = np.ones(len(found["links"]), bool)  # of those before
+    for key in kinds:
+        if key == "density" and len(kinds) > 1:
+            wrong = free & (found[key] <= 0.0)
+            refuse(
+                wrong, "link", "has a force density that is not positive beside forces or natural lengths", found[key]
+            )
+        elif key == "natural_length":
+            found[key][~free] = np.nan
+        free &= np.isnan(found[key])
+    refuse(free, "link", f"has no {' and no '.join(reversed(kinds))}", found[kinds[-1]])
+
+
+def _start(given):
+    """Return the force densities of the start, tensile forces over drawn lengths among them; None: the drawing."""
+    density, force = given["density"], given["force"]
+    if density is None or force is None:
+        return density if density is None or np.isfinite(density).all() else None
+    lengths = np.linalg.norm(np.diff(given["nodes"][given["links"]], axis=1)[:, 0], axis=1)
+    pulls = (force > 0.0) & (lengths > 0.0)
+    density = np.where(pulls, force / np.where(pulls, lengths, 1.0), density)
+    return density if np.isfinite(density).all() else None
+
+
+def _moved(form, given, error):
+    """Return the form by large displacements; collective."""
+    none = np.full(len(form.links), np.nan)
+    natural, density = (none if given[key] is None else given[key] for key in ("natural_length", "density"))
+    if given["force"] is None or np.isnan(given["force"]).all():
+        return settled(form, natural, density, error)
+    return stressed(form, given["force"], natural, density, error)
+
+
+def _natural(form, given):
+    """Return the natural lengths, those given or L EA / (EA + T); None without EA."""
     if form.EA is None:
         return None
-    crushed = np.flatnonzero(form.EA + form.tensions <= 0.0)
-    if crushed.size:
-        link = crushed[0]
-        raise ValueError(
-            f"link {link} bears {quantity(form.tensions[link], 'N')}, and its EA is {quantity(form.EA[link], 'N')}: no"
-            " natural length becomes so short; give a larger EA"
-        )
-    return form.lengths * form.EA / (form.EA + form.tensions)
+    found = shortened(form.lengths, form.EA, form.tensions)
+    return found if given is None else np.where(np.isnan(given), found, given)
