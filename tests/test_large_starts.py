@@ -259,3 +259,20 @@ def test_a_node_on_slack_cables_does_not_keep_a_path_from_its_start():
     ).solve()  # fmt: skip
     assert found.converged and alone.converged
     assert found.displacements[2] == pytest.approx(alone.displacements[2], rel=1e-8, abs=1e-12)
+
+
+@pytest.mark.parametrize("off", [1e-9, 1e-7, 1e-5])
+@pytest.mark.parametrize("error", [1e-4, 1e-8, 1e-10])
+def test_a_form_drawn_next_to_its_rest_is_no_failed_path(off, error):
+    """Rounding of coordinates may be more than the error that is asked for: the solve ends there and says so."""
+    density = [1e3] * 4 + [-1600.0]
+    ends = [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [-3.0, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -7.0], [0.0, 0.0, 0.0]]
+    fixed = np.repeat(np.arange(6)[:, None] < 5, 3, axis=1)
+    form = latinpc.form_find(ends, [[k, 5] for k in range(5)], fixed, density, EA=1e6)
+    drawn = form.nodes + np.where(fixed, 0.0, off)
+    lengths = np.linalg.norm(np.diff(drawn[form.links], axis=1)[:, 0], axis=1)
+    more = {"fixed": fixed, "geometry": "large", "initial_elongation": lengths - form.natural_lengths}
+    result = latinpc.Structure(drawn, form.links, form.law, form.stiffness, **more).solve(error=error)
+    assert result.iterations < 100 and (result.converged or "rounding does not allow" in result.reason)
+    assert result.converged or error < 1e-6
+    assert np.allclose(drawn + result.displacements, form.nodes, rtol=0.0, atol=1e-12 + 1e-4 * off)

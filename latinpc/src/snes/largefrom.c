@@ -56,7 +56,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near, Pets
   }
   data->large.last = near ? data->latin->linear.applications + LATIN_PATH_STAGES : PETSC_MAX_INT;
   PetscCall(SNESLatinLargeIterate_Private(snes));
-  if (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) PetscCall(SNESLatinResidual_Private(snes));
+  if (LatinNextSolved(data->next)) PetscCall(SNESLatinResidual_Private(snes));
   PetscFunctionReturn(0);
 }
 

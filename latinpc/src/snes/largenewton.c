@@ -148,6 +148,7 @@ static PetscErrorCode LatinLargeUnbalance_Private(SNES newton, LatinLarge *large
 typedef struct {
   PetscInt           it;
   PetscReal          length;       /* relative to the displacements after it */
+  PetscReal          floor;        /* rounding error of these, at least that of the coordinates */
   PetscReal          before;       /* error after the step before */
   PetscReal          tensions;     /* estimated error of the tensions */
   PetscBool          small;        /* so that its error is estimated */
@@ -198,7 +199,7 @@ static SNESConvergedReason LatinLargeReason(const SNES_Latin *data, LatinLarge *
 {
   LatinLargeRun  *run        = &large->run;
   const PetscBool unbalanced = (PetscBool)(run->force > large->balance);
-  const PetscBool rounding   = (PetscBool)(seen->length < LATIN_LARGE_ROUND * data->estimate.floor); /* the step may be rounding */
+  const PetscBool rounding   = (PetscBool)(seen->length < LATIN_LARGE_ROUND * seen->floor); /* the step may be rounding */
   const PetscBool small      = (PetscBool)(run->error <= data->target && seen->tensions <= SNESLatinTensionTarget(data));
 
   if (seen->linear == KSP_DIVERGED_INDEFINITE_MAT) return SNES_DIVERGED_LINEAR_SOLVE;
@@ -206,7 +207,7 @@ static SNESConvergedReason LatinLargeReason(const SNES_Latin *data, LatinLarge *
   if (seen->linear > 0 && seen->small && !run->softer && small && run->force <= large->balance) return SNES_CONVERGED_SNORM_RELATIVE;
   if (seen->far && unbalanced && rounding) return SNES_DIVERGED_DTOL; /* large displacements make any relative step small */
   if (rounding && run->error > LATIN_LARGE_SHRINK * seen->before) {
-    run->error = PetscMax(seen->length, data->estimate.floor);
+    run->error = PetscMax(seen->length, seen->floor);
     return run->error <= data->target && run->force <= large->balance ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
   }
   if (seen->it >= LATIN_LARGE_STEPS || seen->stages >= run->most) return SNES_DIVERGED_MAX_IT;
@@ -223,6 +224,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   LatinLargeSeen       seen      = {.it = it};
   SNESLineSearch       search;
   PetscReal            part;
+  PetscInt             n;
   PetscBool            rests;
 
   PetscFunctionBegin;
@@ -237,6 +239,9 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   }
   if (*reason || !it) PetscFunctionReturn(0);
   seen.length = xnorm > 0.0 ? snorm / (part * xnorm) : 0.0; /* of the whole step: a damped one is small without convergence as well */
+  PetscCall(VecGetSize(newton->vec_sol, &n));
+  seen.floor = data->estimate.floor;
+  if (xnorm > 0.0) seen.floor = PetscMax(seen.floor, PETSC_MACHINE_EPSILON * large->size * PetscSqrtReal((PetscReal)n) / xnorm);
   PetscCall(LatinLargeMeasure_Private(newton, (SNES)ctx, &seen));
   structure->hold = (structure->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, seen.length);
   *reason         = LatinLargeReason(data, large, &seen);

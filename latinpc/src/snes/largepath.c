@@ -65,7 +65,7 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPath *path, Vec u, 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE, &inside));
   if (inside) path->kinks = PETSC_TRUE;
-  *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
+  *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && LatinNextSolved(data->next));
   if (!*found) PetscCall(VecDestroy(&target->u));
   else {
     if (!target->u) PetscCall(VecDuplicate(u, &target->u));

@@ -117,7 +117,7 @@ static PetscErrorCode LatinPathDescend_Private(SNES snes, LatinPath *path, Petsc
   PetscCall(SNESLatinLargeDescend_Private(snes, PETSC_FALSE, &path->heavier, path->u, starts));
   if (*starts) {
     PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE, NULL));
-    *starts = LatinNextConverged(data->next);
+    *starts = LatinNextSolved(data->next);
     PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
@@ -150,7 +150,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscB
   PetscCall(SNESLatinLargeRests_Private(snes, starts));
   if (!*starts) {
     PetscCall(SNESLatinLargeProof_Private(snes, path->u, starts));
-    *starts = (PetscBool)(*starts && LatinNextConverged(data->next));
+    *starts = (PetscBool)(*starts && LatinNextSolved(data->next));
     if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));

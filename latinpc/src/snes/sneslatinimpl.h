@@ -30,6 +30,12 @@ static inline PetscBool LatinNextConverged(LatinNext next)
   return (PetscBool)(next >= LATIN_NEXT_CONVERGED && next <= LATIN_NEXT_CONVERGED_FNORM_ABS);
 }
 
+/* Whether a solve has found an equilibrium, to the target or as far as rounding allows */
+static inline PetscBool LatinNextSolved(LatinNext next)
+{
+  return (PetscBool)(LatinNextConverged(next) || next == LATIN_NEXT_ROUNDING);
+}
+
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
 #define LATIN_JAM_LEAST       100  /* least -snes_max_it for the search for jammed links and lost digits: fewer stages show neither */
 #define LATIN_COLLAPSE_WINDOW 20   /* linear stages between two tests for a collapse */
