@@ -189,11 +189,12 @@ def _solved(entries, right, comm):
 def _missed(state, force, result):
     """Return the error where no form has the given forces; it names the link that misses its own by most."""
     link = int(abs(state.missed).argmax())
-    bears, wanted = (quantity(value, "N") for value in (state.tensions[link], force[link]))
+    missed, wanted = (quantity(abs(value), "N") for value in (state.missed[link], force[link]))
+    more = "less" if abs(state.tensions[link]) < abs(force[link]) else "more"
     said = "" if result.converged else f" ({'; '.join([result.reason, *result.notices])})"
     lost = SolveError(
-        f"form finding: no stable form bears these forces{said}: in the nearest one link {link} bears {bears} instead"
-        f" of {wanted}. Give fewer links a force, or other forces, or draw the structure nearer to its form"
+        f"form finding: no stable form bears these forces{said}: in the nearest one link {link} bears {missed} {more}"
+        f" than its {wanted}. Give fewer links a force, or other forces, or draw the structure nearer to its form"
     )
     lost.result = result
     return lost
