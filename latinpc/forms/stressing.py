@@ -72,10 +72,11 @@ def stressed(form, force, natural_length, density, error):
         form = replace(form, tensions=np.where(forced, force, tensions))
         if form.unbalance <= error and (result.converged or not unstable(form, cut, density, EA)):
             return noticed(form, tensions == 0.0)
-        if best is None or np.linalg.norm(state.missed) < np.linalg.norm(best.missed):
+        nearer = best is None or np.linalg.norm(state.missed) < np.linalg.norm(best.missed)
+        if nearer and (result.converged or best is None):
             best, damping, again = state, max(damping * LESS, LEAST), True
         elif again and result.converged:
-            again = False
+            again = False  # one step may lead away: valleys are narrow
         else:
             state, damping, again = best, damping * MORE, True
             if damping > MOST:
@@ -120,20 +121,14 @@ def _least_squares(state, bears, EA, damping):
     ends = form.nodes[form.links]
     n = (ends[:, 1] - ends[:, 0]) / length[:, None]
     along, one = n[:, :, None] * n[:, None, :], np.eye(n.shape[1])
-    taut = state.tensions != 0.0
-    k = (
-        np.where(sprung | ~taut, 0.0, np.nan_to_num(EA / state.natural_length))
-        if EA is not None
-        else np.zeros(len(length))
-    )
+    k = np.where(sprung | (state.tensions == 0.0), 0.0, EA / state.natural_length)
     k_bears, r = np.where(bears, k, 0.0), np.where(bears, state.missed, 0.0)
 
     def blocks(values):
         return values[:, None, None] * along
 
-    tangent = blocks(k) + (state.tensions / length)[:, None, None] * (
-        one - np.where(sprung, 0.0, 1.0)[:, None, None] * along
-    )
+    across = one - np.where(sprung, 0.0, 1.0)[:, None, None] * along  # a spring without natural length has all of it
+    tangent = blocks(k) + (state.tensions / length)[:, None, None] * across
     both = tangent - c * blocks(k_bears)
     number = np.where(form.fixed, -1, np.cumsum(~form.fixed).reshape(form.fixed.shape) - 1)
     count = int((~form.fixed).sum())
