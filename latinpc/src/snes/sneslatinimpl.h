@@ -470,6 +470,9 @@ typedef struct {
   PetscBool      moved;              /* supports of this rank have moved since the start */
   PetscBool      again;              /* a reset follows a motion */
   PetscInt       iterations;
+  PetscReal      whole, end; /* of a step that has failed and is made in shorter ones: its length, 0 if there is none, and the time of its end */
 } TS_Latin;
+
+PETSC_INTERN PetscReal LatinStepNext(TS, PetscReal next);
 
 #endif

@@ -1,7 +1,7 @@
 #include "snes/sneslatinimpl.h"
 #include <petsc/private/tsimpl.h>
 
-/* Text of errors and reports about a step whose SNES has not converged: the cause, as far as it is known, and a cure. */
+/* A step whose SNES has not converged: text of errors and reports, with the cause, as far as it is known, and a cure; shorter steps in its place. */
 
 #define LATIN_CONTRAST 1e3 /* least ratio of masses that the message names */
 
@@ -131,4 +131,17 @@ PetscErrorCode TSLatinGetCause(TS ts, size_t room, char cause[])
     PetscCall(LatinUnknownCause_Private(ts, step, snes, contrast, room, cause));
   }
   PetscFunctionReturn(0);
+}
+
+/* Returns the length of the next step: shorter ones up to the end of one that has failed, then its own again. next: of the adaptor */
+PetscReal LatinStepNext(TS ts, PetscReal next)
+{
+  TS_Latin       *data = (TS_Latin *)ts->data;
+  const PetscReal left = data->end - ts->ptime;
+
+  if (!(data->whole > 0.0)) return next;
+  if (left > PETSC_SQRT_MACHINE_EPSILON * data->whole) return PetscMin(next, left);
+  next        = ts->exact_final_time == TS_EXACTFINALTIME_MATCHSTEP ? PetscMin(data->whole, ts->max_time - ts->ptime) : data->whole;
+  data->whole = 0.0;
+  return next;
 }

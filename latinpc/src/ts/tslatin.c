@@ -263,8 +263,8 @@ static PetscErrorCode TSLatinEnd_Private(TS ts)
 /* Takes a step; repeats it while the adaptor shortens it. Collective on ts */
 static PetscErrorCode TSStep_Latin(TS ts)
 {
-  TS_Latin *data       = (TS_Latin *)ts->data;
-  PetscReal next       = ts->time_step;
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscReal next = ts->time_step, first = ts->time_step;
   PetscBool accept     = PETSC_FALSE;
   PetscInt  rejections = 0;
   SNES      snes;
@@ -286,8 +286,9 @@ static PetscErrorCode TSStep_Latin(TS ts)
   if (ts->reason) PetscFunctionReturn(0);
   PetscCall(TSLatinKeep_Private(ts));
   PetscCall(TSLatinEnd_Private(ts));
+  if (ts->time_step < first && !(data->whole > 0.0)) data->end = ts->ptime + (data->whole = first);
   ts->ptime += ts->time_step;
-  ts->time_step = next;
+  ts->time_step = LatinStepNext(ts, next);
   PetscFunctionReturn(0);
 }
 
@@ -367,6 +368,7 @@ static PetscErrorCode TSReset_Latin(TS ts)
   PetscCall(VecDestroy(&data->v_before));
   data->again   = data->started;
   data->started = data->moved = PETSC_FALSE;
+  data->whole                 = 0.0;
   data->step                  = NULL; /* borrowed: another structure may replace it */
   PetscFunctionReturn(0);
 }
