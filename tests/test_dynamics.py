@@ -15,6 +15,7 @@ from support import chain, grid, irregular, lattice, logged, network
 
 import latinpc
 from latinpc.options import default_options
+from latinpc.runs.motion import move
 from latinpc.scenes import Law, Scene, make
 
 # ---- closed forms ------------------------------------------------------------------------------
@@ -451,3 +452,14 @@ def test_misuse_is_told_with_its_cure():
         assert cure in message(latinpc.step_tensions, ts)
     with motion(scene, 1e-2) as it:
         assert (it.tensions == it.structure.tensions(it.vec_u)).all()  # those at the start
+
+
+def test_a_motion_with_shorter_steps_ends_in_time():
+    """The time that the number of steps was given for, not that number of shorter steps."""
+    scene = make("impact-grid", modules=4)
+    few = {"snes_max_it": 4, "snes_stol": 1e-3, "ts_max_snes_failures": -1, "ts_max_reject": 20}
+    shorter, whole = move(scene, 10, options=few), move(scene, 10)
+    assert shorter.converged and shorter.report["steps"] > 10
+    assert shorter.report["time"] == pytest.approx(whole.report["time"], rel=1e-12)
+    moved, exact = (motion.frames[-1].displacements for motion in (shorter, whole))
+    assert moved == pytest.approx(exact, abs=0.1 * abs(exact).max())

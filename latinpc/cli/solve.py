@@ -234,7 +234,8 @@ def _move(scene, subdomains, run, say, files, keeper):
     """Make the time steps; show them; collective."""
 
     def monitor(step, time):
-        say(f"{scene.name}: step {step} of {run['num_steps']}, {time:.4g} s")
+        steps = f" of {run['num_steps']}" if step <= run["num_steps"] else ""  # shorter ones may take the place of some
+        say(f"{scene.name}: step {step}{steps}, {time:.4g} s")
 
     return move(
         scene,

@@ -176,6 +176,7 @@ def move(
             ts.setErrorIfStepFails(False)
             ts.setFromOptions()
             _check_length(ts.getTimeStep(), "-ts_dt")
+            _ends(ts, steps)
             if acting is not None:
                 ts.setPreStep(acting.before_step)
             recorder = _Recorder(scene, structure, ts, steps, every, each_step, keeper, acting)
@@ -184,6 +185,15 @@ def move(
             return motion
         finally:
             ts.destroy()
+
+
+def _ends(ts, steps):
+    """Let the time end the motion, not the number of steps, if options allow shorter ones in place of failed ones."""
+    given = PETSc.Options()
+    if given.hasName("ts_max_snes_failures") and not given.hasName("ts_max_steps") and not given.hasName("ts_max_time"):
+        ts.setMaxTime(ts.getTime() + steps * ts.getTimeStep())
+        ts.setMaxSteps(np.iinfo(PETSc.IntType).max)
+        ts.setExactFinalTime(PETSc.TS.ExactFinalTime.MATCHSTEP)
 
 
 def _whole(number, name):
