@@ -69,3 +69,25 @@ def test_a_weight_between_two_counterweights():
 def test_no_tension_is_no_link():
     with pytest.raises(latinpc.LatinError, match="no tension anywhere: leave out its links"):
         latinpc.register_table([0.0, 1.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("length", [0.05, 0.2])
+def test_a_mass_between_two_counterweights_keeps_its_energy(length):
+    """Kinetic energy, and the potential T l - W y."""
+    law = latinpc.register_table([0.0, 1.0], [100.0, 100.0])
+    nodes, links, fixed = [[-3.0, 0.0], [3.0, 0.0], [0.0, -1.0]], [[0, 2], [1, 2]], [[1, 1], [1, 1], [0, 0]]
+    load, mass = [[0, 0], [0, 0], [0, -120.0]], [0.0, 0.0, 12.0]
+    hung = latinpc.Structure(nodes, links, law, 0.0, fixed=fixed, load=load, mass=mass, geometry="large")
+    u, v = hung.create_vec(), hung.create_vec()
+    ts = hung.create_ts(u, v)
+    ts.setTimeStep(length)
+    ts.setMaxSteps(60)
+    depths, energies = [], []
+    for _ in range(60):
+        ts.step()
+        u, v = ts.getSolution2()
+        depths.append(1.0 - hung.displacements(u)[2, 1])
+        stretched = 2.0 * 100.0 * (np.hypot(3.0, depths[-1]) - np.hypot(3.0, 1.0))
+        speed = np.linalg.norm(hung.displacements(v)[2])
+        energies.append(stretched - 120.0 * (depths[-1] - 1.0) + 0.5 * 12.0 * speed**2)
+    assert max(depths) > 3.0 and abs(np.array(energies)).max() < 1e-6
