@@ -189,7 +189,8 @@ def _missed(state, force, result):
     said = "" if result.converged else f" ({'; '.join([result.reason, *result.notices])})"
     lost = SolveError(
         f"form finding: no stable form bears these forces{said}: in the nearest one link {link} bears {missed} {more}"
-        f" than its {wanted}. Give fewer links a force, or other forces, or draw the structure nearer to its form"
+        f" than its {wanted}. Give fewer links a force, other forces or a larger error, or draw the structure nearer to"
+        " its form"
     )
     lost.result = result
     return lost
