@@ -199,8 +199,8 @@ def test_energy_never_grows_through_shocks_and_momentum_is_kept():
 
 
 def test_shocks_build_nothing_again():
-    """Links that close and open change no operator."""
-    with logged(), motion(hanging_chain(), 2e-3) as it:
+    """Links that close and open change no operator; Newton's method has its own."""
+    with logged(), motion(hanging_chain(), 2e-3, snes_latin_newton="never") as it:
         it.step()
         built = counts()
         active = set()

@@ -300,7 +300,7 @@ def test_wrong_files_are_refused_by_name(tmp_path):
     assert "is no state of latinpc" in go_on(b"")
     assert "is no state of latinpc" in go_on(os.urandom(5000))
     assert "is not whole, or has been damaged" in go_on(good[:5000] + bytes([good[5000] ^ 1]) + good[5001:])
-    assert "format 99" in go_on(good.replace(b"latinpc_state 8", b"latinpc_state 99", 1))
+    assert "format 99" in go_on(good.replace(b"latinpc_state 9", b"latinpc_state 99", 1))
     for kind, size in (b"integer", np.dtype(PETSc.IntType).itemsize), (b"real", np.dtype(PETSc.RealType).itemsize):
         other = good.replace(kind + b"_bytes %d" % size, kind + b"_bytes 9", 1)
         assert f"{kind.decode()}s of 9 bytes" in go_on(other)

@@ -91,7 +91,6 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
   if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinAtRest_Private(snes));
-  PetscCall(SNESLatinStands_Private(snes));
   warm = SNESLatinWarm(data);
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
   if (data->stop == LATIN_STOP_RESIDUAL) warm = PETSC_FALSE;

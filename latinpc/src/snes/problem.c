@@ -1,5 +1,4 @@
 #include "snes/sneslatinimpl.h"
-#include "base/fingerprint.h"
 
 /* The problem of a solve of SNES latin: structure or frame, operators, state, loads and reference, residual; and solutions that are zero to rounding. */
 
@@ -223,36 +222,6 @@ PetscErrorCode SNESLatinAtRest_Private(SNES snes)
   PetscCall(VecZeroEntries(snes->vec_sol));
   data->guess     = PETSC_TRUE;
   data->has_state = PETSC_FALSE;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Finds whether a time step with rigid links still stands (data->stands): nothing moved in the last one, and the same acts on the structure, by a hash
-   of loads, supports and initial elongations. Then rounding may hide missed gaps. Else, from a state of rest, light parts may start to move beside heavy
-   ones, whose rounding hides that (SNESLatinStrict()). Collective on snes
-*/
-PetscErrorCode SNESLatinStands_Private(SNES snes)
-{
-  SNES_Latin          *data = (SNES_Latin *)snes->data;
-  const LatinStructure step = data->latin->sub.structure, base = step->base;
-  const PetscScalar   *load;
-  PetscInt             n;
-  PetscReal            acts;
-  uint64_t             hash[3];
-
-  PetscFunctionBegin;
-  if (!step->ground || step->rigid_law < 0 || !base) PetscFunctionReturn(0);
-  PetscCall(VecGetLocalSize(base->load, &n));
-  PetscCall(VecGetArrayRead(base->load, &load));
-  hash[0] = LatinHash((size_t)n * sizeof(PetscScalar), load);
-  PetscCall(VecRestoreArrayRead(base->load, &load));
-  hash[1]      = LatinHash((size_t)(base->dim * base->nodes_local) * sizeof(PetscReal), base->prescribed);
-  hash[2]      = LatinHash((size_t)base->links_local * sizeof(PetscReal), base->e0);
-  acts         = (PetscReal)(LatinHash(sizeof(hash), hash) >> 11); /* as it is in the file of a state */
-  data->rested = (PetscBool)(data->rested && SNESLatinWarm(data));
-  data->stands = (PetscBool)(data->stands && data->rested && data->acts == acts);
-  data->acts   = acts;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->stands, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)snes)));
   PetscFunctionReturn(0);
 }
 

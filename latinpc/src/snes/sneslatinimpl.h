@@ -237,9 +237,6 @@ typedef struct {
   LatinWarmStart    warm;
   PetscBool         warm_chosen; /* it is the user's */
   PetscBool         has_state;   /* the last solve has converged */
-  PetscBool         rested;      /* nothing moved in a time step before the state */
-  PetscBool         stands;      /* nothing has moved and nothing else acted since */
-  PetscReal         acts;        /* hash of what acted in the last step on this rank */
   Vec               z_before;    /* final state of the solve before the last one; NULL or unset without has_before */
   PetscBool         has_before;
   Vec               reference; /* reference displacements, or NULL */
@@ -296,10 +293,10 @@ static inline PetscBool SNESLatinWarm(const SNES_Latin *data)
 {
   return (PetscBool)(data->warm && data->has_state);
 }
-/* Whether missed gaps of a time step at rest count: parts may start to move, and Newton's method, which is more accurate, can take over */
+/* Whether missed gaps of a time step at rest count, unless nothing moves: Newton's method, which is more accurate, can take over */
 static inline PetscBool SNESLatinStrict(const SNES_Latin *data)
 {
-  return (PetscBool)(data->rested && !data->stands && data->newton.stall);
+  return data->newton.stall;
 }
 /* Whether the user has given a step tolerance */
 static inline PetscBool SNESLatinStolGiven(SNES snes)
@@ -393,7 +390,6 @@ PETSC_INTERN PetscErrorCode      SNESLatinCoulomb_Private(SNES, SNESConvergedRea
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinDrive_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinAtRest_Private(SNES);
-PETSC_INTERN PetscErrorCode      SNESLatinStands_Private(SNES);
 PETSC_INTERN PetscErrorCode      LatinSelfStress_Private(LatinStructure, Vec more, PetscReal moved, PetscBool *rests);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);

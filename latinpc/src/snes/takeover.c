@@ -243,9 +243,6 @@ PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
     PetscFunctionReturn(0);
   }
   /* a warm start begins at the solution. Not where rounding hides motion: light parts that move beside heavy ones at rest, as a truss in flight */
-  data->stands = (PetscBool)(data->found.at_rest && data->found.still);
-  data->rested = (PetscBool)(data->rested || data->stands);
-  if (data->stands) data->has_before = PETSC_FALSE; /* nothing to extrapolate */
   if (data->warm && LatinNextConverged(data->next) && (!data->found.at_rest || data->found.still) && structure->rigid_law >= 0) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->latin->linear.rigid_tension, data->z));
   PetscFunctionReturn(0);
 }

@@ -68,7 +68,6 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* strains at its start */
     PetscCall(LatinStateAddArray_Private(state, "support", data->step->dim, data->step->dim * data->step->nodes_local, data->step->held));
     PetscCall(LatinStateAddArray_Private(state, "support_increment", data->step->dim, data->step->dim * data->step->nodes_local, data->step->prescribed));
-    PetscCall(LatinStateAddArray_Private(state, "rest", 3, 3, state->rest));
     if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
   }
   if (state->latin) {
@@ -251,9 +250,6 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     head.tuning      = (double)data->latin->tuning;
     head.rigid_scale = (double)data->latin->rigid_scale;
     head.solutions   = data->has_state + (data->has_state && data->has_before);
-    state.rest[0]    = data->rested ? 1.0 : 0.0;
-    state.rest[1]    = data->stands ? 1.0 : 0.0;
-    state.rest[2]    = data->acts;
     if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
     state.kind[1] = data->large.path.solution ? 1.0 : 0.0;
     if (data->large.frame) state.kind[2] = LatinStateElongations(data->large.frame->original);
@@ -333,9 +329,6 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   if (snes) {
     snes->has_state  = (PetscBool)(head.solutions > 0.0);
     snes->has_before = (PetscBool)(head.solutions > 1.0);
-    snes->rested     = (PetscBool)(state.rest[0] != 0.0);
-    snes->stands     = (PetscBool)(state.rest[1] != 0.0);
-    snes->acts       = state.rest[2];
   }
   PetscFunctionReturn(0);
 }

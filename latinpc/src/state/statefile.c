@@ -11,7 +11,7 @@
    Only the first rank reads and writes; its errors are raised on all ranks.
 */
 
-#define LATIN_STATE_FORMAT 8     /* version of the format; others are refused */
+#define LATIN_STATE_FORMAT 9     /* version of the format; others are refused */
 #define LATIN_STATE_HEAD   512   /* bytes of the header */
 #define LATIN_STATE_CHUNK  65536 /* bytes read at once */
 

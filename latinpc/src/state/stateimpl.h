@@ -28,7 +28,6 @@ typedef struct {
   LatinStructure structure;
   PetscBool      latin;                  /* the SNES is of type latin */
   PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: LatinFrameType; 1: there is a last path; hash of e0 here */
-  PetscReal      rest[3];                /* motions: SNES_Latin.rested, stands, acts */
   PetscInt       items, reals;           /* number of items; those after the first `reals` are written as integers, not read */
   struct {
     const char *name;
