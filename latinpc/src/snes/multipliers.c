@@ -120,35 +120,34 @@ static PetscErrorCode LatinMultipliersRenew_Private(LatinNewton *newton, Vec u, 
    so are their extrapolations at the measured rate. With incompatible gaps K is infinite: newton->found reports jammed links. grown: penalty relative
    to the search parameter. Overwrites before by u. Collective on structure
 */
-static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscReal *moved, PetscBool *done)
+static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
   const PetscReal      target    = PetscMin(newton->target, newton->tension_target);
-  PetscReal            size, least, closes = 1.0; /* closes: part of the gap errors that this update has removed */
+  PetscReal            size, least, moved, closes = 1.0; /* closes: part of the gap errors that this update has removed */
   PetscBool            misses, stays, rests;
   LatinMultiplierSums  sum;
 
   PetscFunctionBegin;
   PetscCall(LatinMultipliersRenew_Private(newton, u, &sum));
   PetscCall(VecAXPY(before, -1.0, u));
-  PetscCall(VecNorm(before, NORM_2, moved));
+  PetscCall(VecNorm(before, NORM_2, &moved));
   PetscCall(LatinStepRests_Private(structure, before, PetscSqrtReal(sum.tensions), &rests));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
   misses = (PetscBool)(sum.gaps > PetscSqr(LATIN_NEWTON_REST) * (PetscSqr(size) + sum.terms));
   if (misses) closes = newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum.gaps / newton->gap) : 0.0;
-  stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
+  stays       = (PetscBool)(misses && newton->gap > 0.0 && moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
   newton->gap = sum.gaps;
   if (misses && *change > target) closes = 0.0; /* too early to see tensions that converge slowly */
   /* relative to the loads as well: small tensions may be rounding */
   *change          = sum.changes > 0.0 ? PetscSqrtReal(sum.changes / PetscMax(PetscMax(sum.tensions, sum.changes), PetscSqr(newton->loads))) : 0.0;
-  *done            = (PetscBool)((rests || *moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * target); /* extrapolated change */
+  *done            = (PetscBool)((rests || moved <= PetscMax(newton->target * size, least)) && *change * PetscMax(closes, 1.0 - closes) <= closes * target); /* extrapolated change */
   newton->tensions = *change;
   if (stays && !*done) PetscCall(LatinMultipliersLeap_Private(newton));
   PetscCall(LatinEquilibriumFarkas_Private(structure, u, stays, newton->tension, &newton->found));
-  *moved = size > 0.0 ? *moved / size : 0.0;
-  PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)*moved));
+  PetscCall(PetscInfo(structure, "Multiplier update: relative change of the tensions of rigid links %g, of the displacements %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
   PetscFunctionReturn(0);
 }
 
@@ -172,7 +171,7 @@ static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *ne
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscBool done  = PETSC_FALSE;
-  PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
+  PetscReal grown = LATIN_PENALTY, change = PETSC_MAX_REAL, last;
   PetscInt  raised = 0;
   Vec       before;
 
@@ -189,19 +188,15 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     }
     done = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
     last = change;
-    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, grown, &change, &moved, &done));
+    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, grown, &change, &done));
     if (newton->found.verdict == LATIN_JAMMED) {
       *reason = SNES_DIVERGED_DTOL;
       done    = PETSC_TRUE;
     }
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
-    factor = LATIN_PENALTY_GROWS;
-    if (moved <= LATIN_NEWTON_REST) { /* rounding of the displacements alone changes the tensions */
-      factor = 1.0 / LATIN_PENALTY_GROWS;
-      most   = grown * factor;
-    } else if (grown * factor > most) continue;
-    grown *= factor;
-    for (PetscInt l = 0; l < newton->structure->links_local; l++) newton->penalty[l] *= factor;
+    if (grown * LATIN_PENALTY_GROWS > LATIN_PENALTY_MOST) continue;
+    grown *= LATIN_PENALTY_GROWS;
+    for (PetscInt l = 0; l < newton->structure->links_local; l++) newton->penalty[l] *= LATIN_PENALTY_GROWS;
   }
   if (!done) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(DMRestoreGlobalVector(newton->structure->dm, &before));
