@@ -186,8 +186,6 @@ static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, Pets
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
   if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
-  /* nothing moves, so that no step is relatively small: balance is the proof */
-  if (LatinNextConverged(next) && data->found.at_rest && data->found.balanced) return PETSC_FALSE;
   /* multipliers close gaps more accurately; not in statics, where coordinates round gaps */
   if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE;
   return data->newton.contrast; /* rounding limits Newton's method as well, unless contrasts of stiffness cause it */
