@@ -12,7 +12,8 @@
    iterates, of which at least 32 are stored, evenly spaced. A safety factor is calibrated on one set of structures
    (benchmarks/effectivity.py) and tested on another. Modes that creep without effect on the distance of the stages, as those
    of links about to slacken, need extrapolation [A. C. Aitken]: steps that decrease by a rate q sum up to q / (1 - q) times
-   the last one.
+   the last one. The rate of the distance of the stages counts as well if it is larger, and at the first iterates alone: of 1,374 stops of 180 random
+   structures (benchmarks/effectivity.py, seed 11) 6 miss the target, 8 without it, 11 without the first iterates either.
 
    Distances are computed from random projections (sketches) of the displacements, a few hundred numbers instead of
    millions: each degree of freedom is added to one entry of the sketch, with a random sign, which preserves distances to

@@ -250,7 +250,8 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 
 /*
    Returns whether the distance of the stages exceeds -snes_divergence_tolerance twice in a row, or once if Newton's method can take over. A single
-   excess is a jump of the Anderson acceleration, which the next stages correct
+   excess is a jump of the Anderson acceleration, which the next stages correct: if one counts, 1 of 900 random structures with friction is lost, in 7 %
+   fewer stages
 */
 static PetscBool SNESLatinGrows(SNES snes)
 {
