@@ -311,7 +311,10 @@ TUNING = {
         "stiffness of a mechanism",
         (*UPLIFT, *LOOSE, *CONTRAST[:2], *EXTREMES),
         values=(1e-9, 1e-8, 1e-6, 1e-5),
-        so="Nothing changes from 1e-9 to 1e-5, nor with 1e-3: mechanisms have rounding for a stiffness.",
+        so=(
+            "Nothing changes from 1e-9 to 1e-5, nor with 1e-3: mechanisms have rounding for a stiffness. Without this "
+            "test 1 of 500 random rigid structures is refused after 10,000 stages, not 88."
+        ),
     ),
     "LATIN_JAM_STAGES": Tuning(
         "damped stages",
