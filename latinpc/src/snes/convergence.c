@@ -213,7 +213,6 @@ static LatinNext SNESLatinProved(SNES snes, const LatinProof *proof, LatinNext n
   const PetscBool         rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise); /* stages change nothing beyond rounding */
 
   if (found->verdict == LATIN_UNBOUNDED) return LATIN_NEXT_DIVERGED;
-  if (proof->far && found->verdict == LATIN_BELOW_ROUNDING) return LATIN_NEXT_ROUNDING;
   if (SNESLatinUnbalanceRounded(snes)) {
     data->estimate.floor = 1.0;
     return LATIN_NEXT_ROUNDING;
