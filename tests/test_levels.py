@@ -290,3 +290,91 @@ def test_local_solvers_of_substructures_are_their_inverses(mpirun, ranks):
     )
     assert not inverse.pop("factors") and factor.pop("factors")
     assert inverse["reason"] > 0 and inverse == factor
+
+
+HANGING = """
+import json, sys
+import petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc", "-pc_latin_variant", "primal", "-pc_latin_coarse_pc_type", "latin"])
+from petsc4py import PETSc
+import numpy as np
+import latinpc
+
+comm, bs, n, ends = PETSc.COMM_WORLD, 3, 12, 4  # nodes of a ring; chains of each rank that hang on one of them
+
+
+def solve(rng):
+    edges, nodes = [(i, (i + 1) % n, i * comm.size // n) for i in range(n)], n
+    for k in range(ends * comm.size):
+        on = int(rng.integers(n))
+        edges += [(on, nodes, k % comm.size), (nodes, nodes + 1, k % comm.size), (on, nodes + 1, k % comm.size)]
+        nodes += 2
+    local = np.zeros((bs * nodes,) * 2)
+    for a, b, owner in edges:
+        root = rng.normal(size=(bs, bs))
+        rows = np.ravel([bs * np.array([a, b])[:, None] + np.arange(bs)])
+        if owner == comm.rank:
+            local[np.ix_(rows, rows)] += np.kron([[1, -1], [-1, 1]], root @ root.T + 0.1 * np.eye(bs))
+    local = local[bs:, bs:]  # the first node is held
+    mine = np.flatnonzero(local.any(axis=0))
+    a = PETSc.Mat().create(comm)
+    a.setSizes(len(local))
+    a.setType("is")
+    a.setLGMap(*2 * [PETSc.LGMap().create(mine.astype(PETSc.IntType), comm=comm)])
+    part = PETSc.Mat().createDense((len(mine),) * 2, array=local[np.ix_(mine, mine)], comm=PETSc.COMM_SELF)
+    part.assemble()
+    a.setISLocalMat(part.convert("seqaij"))
+    a.assemble()
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOperators(a)
+    ksp.setType("cg")
+    ksp.setTolerances(rtol=1e-8)
+    ksp.getPC().setType("latin")
+    ksp.setFromOptions()
+    x, b = a.createVecs()
+    b.set(1.0)
+    ksp.solve(b, x)
+    return ksp.getConvergedReason(), ksp.getIterationNumber(), (b - a * x).norm() / b.norm()
+
+
+found = [solve(np.random.default_rng(seed)) for seed in range(8)]
+PETSc.Sys.Print(json.dumps(found))
+"""
+
+
+def test_pieces_that_hang_on_a_node_leave_the_second_level_rounding_alone(mpirun):
+    """Their condensed stiffness is zero but for rounding, which need not be positive semidefinite."""
+    for reason, iterations, residual in json.loads(mpirun(3, HANGING).stdout.splitlines()[-1]):
+        assert reason > 0 and iterations <= 10 and residual < 1e-6
+
+
+LOOSE = """
+import sys, petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc", "-pc_latin_coarse_pc_type", "latin"])
+from petsc4py import PETSc
+import numpy as np
+import latinpc
+from latinpc.scenes import make
+
+scene = make("truss-grid", modules=12, subdomains=16)
+held = np.zeros_like(scene.fixed)
+held[scene.fixed.any(axis=1).argmax()] = True
+scene.fixed = held
+structure = latinpc.Structure.from_scene(scene)
+a, u = structure.dm.createMat(), structure.create_vec()
+structure.jacobian(u, a)
+pc = PETSc.PC().create()
+pc.setOperators(a)
+pc.setType("latin")
+pc.setFromOptions()
+structure.attach(pc)
+try:
+    pc.setUp()
+except PETSc.Error as error:
+    PETSc.Sys.Print(latinpc.error_message(error))
+"""
+
+
+def test_the_second_level_hides_no_mechanism(mpirun):
+    """A truss held at one node turns about it."""
+    assert "The structure has a mechanism" in mpirun(4, LOOSE, leaks=False).stdout

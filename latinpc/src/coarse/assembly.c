@@ -297,6 +297,31 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
 }
 
 /*
+   Raises the diagonal of a part, or of K if it is dense, to half the stiffness of a mechanism, which is still found. Of pieces that hang on a single
+   node rounding alone is left, and need not be positive semidefinite, as solvers for a MATIS demand of each local matrix. at[]: row of each dof
+*/
+static PetscErrorCode LatinCoarseRaise_Private(const LatinElements *top, const PetscInt at[], Mat K, LatinCoarsePart *part)
+{
+  const PetscInt n = part->rows;
+  PetscReal     *least;
+  PetscScalar   *a;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(n, &least));
+  for (PetscInt i = 0; i < top->offset[top->n]; i++) least[at[i]] += 0.5 * LATIN_MECHANISM * top->whole[i];
+  for (PetscInt r = 0; r < n && !K; r++)
+    for (PetscInt k = part->i[r]; k < part->i[r + 1]; k++)
+      if (part->j[k] == r) part->a[k] = PetscMax(part->a[k], least[r]);
+  if (K) {
+    PetscCall(MatDenseGetArray(K, &a));
+    for (PetscInt r = 0; r < n; r++) a[(size_t)r * ((size_t)n + 1)] = PetscMax(a[(size_t)r * ((size_t)n + 1)], least[r]);
+    PetscCall(MatDenseRestoreArray(K, &a));
+  }
+  PetscCall(PetscFree(least));
+  PetscFunctionReturn(0);
+}
+
+/*
    Sets coarse->A, the sum of c_E^t H_E c_E over the elements, as a MATIS if coarse->unassembled or coarse->tree. *same: it is the matrix of the last
    set-up with new values. Frees operators that are no longer needed. Collective on sub->object
 */
@@ -325,6 +350,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
     else PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
     part = (LatinCoarsePart){.rows = n};
   } else PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
+  if (coarse->unassembled) PetscCall(LatinCoarseRaise_Private(top, at, K, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));
   PetscCall(PetscFree(at));
   if (coarse->unassembled || coarse->tree || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, K, number, same));

@@ -404,12 +404,11 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
 {
   const PetscInt *degree;
   PetscInt       *ranks, dofs = 0;
-  LatinElements  *top = &coarse->top, finest;
+  LatinElements  *top = &coarse->top;
   PetscSF         sf;
 
   PetscFunctionBegin;
   PetscCall(LatinGroupsFinest_Private(coarse, stiffness, &dofs, &sf));
-  finest = *top;
   PetscCall(PetscMalloc1(dofs, &ranks));
   PetscCall(PetscSFComputeDegreeBegin(sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(sf, &degree));
@@ -431,14 +430,16 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(LatinGroupsTop_Private(coarse, sf, dofs, ranks));
   PetscCall(PetscFree(ranks));
   PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree3(finest.dof, finest.place, finest.whole));
   PetscFunctionReturn(0);
 }
 
-/* Frees data of the set-up: operators of groups, their dofs and places */
+/* Frees data of the set-up: operators of groups, dofs and places of groups and subdomains */
 PetscErrorCode LatinGroupsFinish(LatinCoarse *coarse)
 {
+  LatinElements *finest = coarse->levels ? &coarse->level[0].fine : &coarse->top;
+
   PetscFunctionBegin;
+  PetscCall(PetscFree3(finest->dof, finest->place, finest->whole));
   coarse->top.whole = NULL;
   for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(PetscFree4(coarse->level[k].coarse.dof, coarse->level[k].coarse.place, coarse->level[k].coarse.whole, coarse->level[k].coarse.H));
   PetscFunctionReturn(0);
