@@ -127,7 +127,7 @@ CASES = {
     "prescribed_where_free": (r"node 2 .* in a direction that is not fixed", lambda: spoiled("prescribed", 2, 0.1)),
     "law_beyond": (
         r"link 1 .* has an unknown law \(0 bar, 1 cable, 2 compression_only, ",
-        lambda: spoiled("law", 1, 99),
+        lambda: spoiled("law", 1, 9999),
     ),
     "tangent_first": (
         r"Link 0 is not part of a complete contact with friction",
@@ -149,7 +149,7 @@ CASES = {
     "c_node_to_itself": (r"Link 7 joins node 2 to itself", lambda: in_c("links", (-1, 1), 2)),
     "c_coincident": (r"Link 6 has no length: its nodes 1 and 4 lie at the same", lambda: in_c("nodes", -1, [1, 0])),
     "c_coordinate_nan": (r"Node 4 has a coordinate that is not a finite", lambda: in_c("nodes", (-1, 0), NAN)),
-    "c_law_beyond": (r"Link 7 has law 99; the laws are 0 \(bar\), 1 \(cable\), ", lambda: in_c("law", -1, 99)),
+    "c_law_beyond": (r"Link 7 has law 9999; the laws are 0 \(bar\), 1 \(cable\), ", lambda: in_c("law", -1, 9999)),
     "c_stiffness_zero": (r"Link 7 has stiffness 0.*positive finite", lambda: in_c("stiffness", -1, 0)),
     "c_stiffness_negative": (r"Link 7 has stiffness -1.*positive finite", lambda: in_c("stiffness", -1, -1)),
     "c_stiffness_nan": (r"Link 7 has stiffness nan.*positive finite", lambda: in_c("stiffness", -1, NAN)),
