@@ -349,7 +349,7 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   PetscCall(PetscMalloc1(n, &number));
   PetscCall(PetscArraycpy(number, coarse->top_global, n));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
-  PetscCall(LatinTreePays(comm, n, number, map, &coarse->tree));
+  PetscCall(LatinTreePays(comm, top->n, n, number, map, &coarse->tree));
   PetscCall(PetscFree(number));
   PetscFunctionReturn(0);
 }

@@ -111,7 +111,7 @@ typedef struct {
 */
 #define LATIN_TREE_RELEASED "LatinTreeReleased"
 PETSC_INTERN PetscErrorCode LatinTreeRegister(void);
-PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt elements, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
 
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);

@@ -19,7 +19,8 @@
 /* efficiency of the ranks in a factorisation that all share; MUMPS: 0.46 to 0.65, before ranks wait for each other */
 #define LATIN_TREE_SHARE 0.25
 /* most time that the tree may take, relative to that, for its memory: on 16 ranks MUMPS makes the peak of a rank 1.7 to 2.4 times as large */
-#define LATIN_TREE_LONGER 2.0
+#define LATIN_TREE_SURFACE 1.5 /* times the unknowns on the surface of a cube of elements: elements that share more lie apart */
+#define LATIN_TREE_LONGER  2.0
 
 typedef struct {
   PetscInt a, b, shared; /* two ranks a < b, and the number of unknowns that they share */
@@ -356,18 +357,42 @@ PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout lay
 }
 
 /*
-   Sets *pays: whether the tree takes, by prediction, at most LATIN_TREE_LONGER times as long as a factorisation that all ranks share. number[n]: rows
-   of the part of this rank; there is no matrix yet. Collective on comm
+   Finds whether the elements of a rank lie apart from each other, so that its fronts are nearly those of a dense matrix. A cube of m elements shares a part
+   m^(-1/3) of its unknowns with others. Collective on map
 */
-PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt n, const PetscInt number[], PetscLayout layout, PetscBool *pays)
+static PetscErrorCode LatinTreeApart_Private(ISLocalToGlobalMapping map, PetscInt rows, PetscInt elements, PetscBool *apart)
+{
+  MPI_Comm    comm   = PetscObjectComm((PetscObject)map);
+  PetscReal   sum[2] = {0.0, (PetscReal)elements}; /* unknowns of one rank alone; elements */
+  PetscInt    n, *ranks;
+  PetscMPIInt size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(ISLocalToGlobalMappingGetNodeInfo(map, &n, &ranks, NULL));
+  for (PetscInt i = 0; i < n; i++) sum[0] += ranks[i] == 1 ? 1.0 : 0.0;
+  PetscCall(ISLocalToGlobalMappingRestoreNodeInfo(map, &n, &ranks, NULL));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, comm));
+  *apart = (PetscBool)((PetscReal)rows - sum[0] > LATIN_TREE_SURFACE * PetscPowReal(sum[1] / (PetscReal)size, -1.0 / 3.0) * (PetscReal)rows);
+  PetscCall(PetscInfo(map, "coarse problem: %g of %" PetscInt_FMT " unknowns belong to one rank alone\n", (double)sum[0], rows));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Sets *pays: whether the tree takes, by prediction, at most LATIN_TREE_LONGER times as long as a factorisation that all ranks share. elements: their
+   number on this rank; number[n]: rows of the part of this rank; there is no matrix yet. Collective on comm
+*/
+PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt elements, PetscInt n, const PetscInt number[], PetscLayout layout, PetscBool *pays)
 {
   ISLocalToGlobalMapping map;
   LatinTree              tree;
+  PetscBool              apart = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_USE_POINTER, &map));
   PetscCall(LatinTreePlan_Private(map, layout, &tree));
-  *pays = (PetscBool)(tree.cost.seconds <= LATIN_TREE_LONGER * tree.cost.shared);
+  PetscCall(LatinTreeApart_Private(map, layout->N, elements, &apart));
+  *pays = (PetscBool)(!apart && tree.cost.seconds <= LATIN_TREE_LONGER * tree.cost.shared);
   PetscCall(PetscInfo(map, "coarse problem, predicted: fronts of the ranks %g s, a factorisation by all ranks %g s\n", (double)tree.cost.seconds, (double)tree.cost.shared));
   PetscCall(LatinTreeReset_Private(&tree));
   PetscCall(ISLocalToGlobalMappingDestroy(&map));
