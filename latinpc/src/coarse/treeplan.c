@@ -19,8 +19,8 @@
 /* efficiency of the ranks in a factorisation that all share; MUMPS: 0.46 to 0.65, before ranks wait for each other */
 #define LATIN_TREE_SHARE 0.25
 /* most time that the tree may take, relative to that, for its memory: on 16 ranks MUMPS makes the peak of a rank 1.7 to 2.4 times as large */
-#define LATIN_TREE_SURFACE 1.5 /* times the unknowns on the surface of a cube of elements: elements that share more lie apart */
 #define LATIN_TREE_LONGER  2.0
+#define LATIN_TREE_SURFACE 1.5 /* times the unknowns on the surface of a cube of elements: elements that share more lie apart */
 
 typedef struct {
   PetscInt a, b, shared; /* two ranks a < b, and the number of unknowns that they share */
