@@ -356,7 +356,7 @@ assert solved >= 2
 """
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_paths_that_turn_back_on_ranks(ranks, mpirun):
     mpirun(ranks, TURN)
 

@@ -188,7 +188,7 @@ def ranked():
     return given | {"density": np.where(edges, NONE, 1e3), "force": np.where(edges, 2e4, NONE), "EA": 1e6}
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_ranks_change_nothing(mpirun, ranks):
     found = json.loads(mpirun(ranks, __file__).stdout.splitlines()[-1])
     assert np.allclose(found, latinpc.form_find(**ranked()).nodes, rtol=0.0, atol=1e-6)

@@ -294,7 +294,9 @@ def grains(**options):
     return replace(scene, mass=np.ones(len(scene.nodes)), velocity=velocity)
 
 
-@pytest.mark.parametrize(("h", "side", "friction"), [(1e-2, 20, 0.3), (1e-1, 20, 0.3), (1e-2, 32, 0.6)])
+@pytest.mark.parametrize(
+    ("h", "side", "friction"), [(1e-2, 20, 0.3), (1e-1, 20, 0.3), pytest.param(1e-2, 32, 0.6, marks=pytest.mark.slow)]
+)
 def test_grains_with_friction_settle(h, side, friction):
     """Discs, some of whose contacts are open: where the iteration stalls the interior-point method finds the step."""
     scene = grains(law="friction", side=side, friction=friction)

@@ -120,6 +120,6 @@ assert found.notices[0].startswith("contacts that bear do not hold node")  # MUM
 """
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_ranks_do_not_matter(ranks, mpirun):
     mpirun(ranks, RANKS)

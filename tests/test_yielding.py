@@ -154,7 +154,7 @@ if not PETSc.COMM_WORLD.rank:
 """
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_same_on_ranks(mpirun, tmp_path, ranks):
     mpirun(ranks, PROGRAM, tmp_path / "found.json", Path(__file__).parent)
     count, found = json.loads((tmp_path / "found.json").read_text())
