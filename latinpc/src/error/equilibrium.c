@@ -8,6 +8,8 @@
    - row sums: with D the row sums of the stiffness, K <= D, so the energy error is at least |D^-1/2 r|, the l2 error about |D^-1 r|;
    - nearly straight links: the node between them is far softer along its displacement than D, and r moves it further. Rounding of the directions of
      tensions does so as well if prestress holds the node: reported as `blur`, not as an error;
+   - masses: in a motion masses alone may hold the structure, and M / h^2 is soft relative to links. For the translations t of all free displacements,
+     and for t = u, t.r = t.K e with the error e, so that |e| >= |t.r| / |K t|;
    - gaps: a closed rigid link that misses its gap by g has an error of u of at least g / sqrt(2);
    - rest: a motion that comes to rest has no displacements as a measure. Masses only stiffen the nodes, so D^-1 bounds the displacements due to
      rounding of r. If these exceed the target error of u in the norm of D, where light nodes count by their weight, and in the l2 norm, and that of
@@ -37,16 +39,16 @@
 
 /* Sums over nodes */
 typedef struct {
-  PetscReal error;                    /* squared error by row sums, in the norm of the estimate */
-  PetscReal work, pushed, loads;      /* r.u; works of loads and springs to the ground: their sum, sum of absolute values */
-  PetscReal hidden;                   /* squared rounding of r */
-  PetscReal stress;                   /* squared rounding of the self-stress of rigid links at nodes */
-  PetscReal left, all, load, bearing; /* squares of r beyond rounding, of r, of the loads, of the tensions at nodes */
-  PetscReal stiff;                    /* squares of K u */
-  PetscReal along, blur;              /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
-  PetscReal shown;                    /* number of components of r beyond LATIN_FORCE_FACTOR times rounding */
-  PetscReal u[2], hides[2];           /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
-  PetscReal moves;                    /* number of components that move farther than D^-1 times the rounding of r there, and than `point` */
+  PetscReal error;                        /* squared error by row sums, in the norm of the estimate */
+  PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, sum of absolute values */
+  PetscReal hidden;                       /* squared rounding of r */
+  PetscReal stress;                       /* squared rounding of the self-stress of rigid links at nodes */
+  PetscReal left, all, load, bearing;     /* squares of r beyond rounding, of r, of the loads, of the tensions at nodes */
+  PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
+  PetscReal along, blur;                  /* squared errors of nodes along their displacements: by r, by rounded directions of tensions */
+  PetscReal shown;                        /* number of components of r beyond LATIN_FORCE_FACTOR times rounding */
+  PetscReal u[2], hides[2];               /* squares of u, and of D^-1 times the rounding of r, in the norm of D and the l2 norm */
+  PetscReal moves;                        /* number of components that move farther than D^-1 times the rounding of r there, and than `point` */
 } LatinNodalSums;
 
 /* Computes size, the diagonal of the bounding box of the nodes, and the largest prescribed displacement (or NULL). Collective on structure */
@@ -171,7 +173,7 @@ static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, La
 }
 
 /* Adds component c of a node. rounding: that of the largest displacement; point: that of coordinates */
-static void LatinSumComponent(const LatinNode *at, PetscInt c, PetscBool energy, PetscReal rounding, PetscReal point, LatinNodalSums *sum)
+static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, PetscReal rounding, PetscReal point, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
@@ -194,7 +196,12 @@ static void LatinSumComponent(const LatinNode *at, PetscInt c, PetscBool energy,
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
   sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* both cancel at a mass in flight */
-  sum->stiff += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
+  sum->moved[c] += at->r[c];
+  sum->noise[c] += noise;
+  for (PetscInt d = 0; d < dim; d++) sum->stiff[d] += PetscSqr(at->translation[3 * d + c] + (c == d ? ground : 0.0));
+  sum->moved[3] += at->r[c] * at->u[c];
+  sum->noise[3] += noise * PetscAbsReal(at->u[c]);
+  sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
 /*
@@ -230,7 +237,7 @@ static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
 {
   LatinNodalJudge *judge = (LatinNodalJudge *)ctx;
 
-  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, c, judge->energy, judge->unheld.rounding[1], judge->point, &judge->sum);
+  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, judge->unheld.rounding[1], judge->point, &judge->sum);
   LatinSumNode(at, judge->dim, judge->energy, &judge->sum);
   LatinUnheldNode(at, judge->dim, number, &judge->unheld);
 }
@@ -304,7 +311,7 @@ static PetscBool LatinJudgeIdles(const LatinNodalJudge *judge, PetscReal target)
 {
   const LatinStructure structure = judge->links.latin->sub.structure;
 
-  return (PetscBool)(structure->ground && structure->rigid_law < 0 && judge->sum.shown == 0.0 && PetscSqr(target) * judge->sum.stiff <= judge->sum.hidden);
+  return (PetscBool)(structure->ground && structure->rigid_law < 0 && judge->sum.shown == 0.0 && PetscSqr(target) * judge->sum.stiff[3] <= judge->sum.hidden);
 }
 
 /* Sets the unbalance and its rounding, relative to the loads or the tensions. far: u is larger than the structure. Collective on structure */
@@ -332,6 +339,9 @@ static void LatinJudgeError(const LatinNodalJudge *judge, PetscReal size, LatinE
   if (!(norm > 0.0)) return;
   found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum->error), PetscSqrtReal(sum->along)) / norm;
   found->blur  = PetscSqrtReal(sum->blur) / norm;
+  if (!judge->links.latin->sub.structure->ground || judge->energy) return;
+  for (PetscInt d = 0; d < 4; d++)
+    if (sum->stiff[d] > 0.0) found->error = PetscMax(found->error, (PetscAbsReal(sum->moved[d]) - sum->noise[d]) / (PetscSqrtReal(sum->stiff[d]) * norm));
 }
 
 /*

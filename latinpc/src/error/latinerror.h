@@ -42,22 +42,23 @@ PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target,
 /* ---- forces and their rounding at the nodes (error/nodalbalance.c) ---- */
 /* Sums over the links at a node, of all ranks; reals only: they are sent as one message */
 typedef struct {
-  PetscReal vertices;     /* vertices of the DM at this node, on all ranks */
-  PetscReal u[3], r[3];   /* free displacements, unbalance B^t tau(u) - F */
-  PetscReal load[3];      /* loads */
-  PetscReal ground[3];    /* springs to the ground */
-  PetscReal stiffness[3]; /* row sums of |B|^t k |B|, at least those of the tangent stiffness */
-  PetscReal rounding[3];  /* rounding of the forces, over eps */
-  PetscReal tangent[3];   /* |K u| of links that certainly bear; in motions */
-  PetscReal tension;      /* sum of |tau| */
-  PetscReal rigid[3];     /* sum of the forces of rigid links at free components: their self-stress, which is arbitrary, cancels */
-  PetscReal bearing;      /* sum of |tau| of elastic links, plus the norm of rigid[] */
-  PetscReal gaps;         /* rounding of the tensions, gaps included, over eps */
-  PetscReal held, hides;  /* along the displacement of the node: twice u.K u of links that bear; work of their rounding */
-  PetscReal turns;        /* work of tensions with rounded directions along it, over eps */
-  PetscReal slack;        /* minus the work of links whose state is uncertain, to be added to r.u */
-  PetscReal closed[2];    /* number of such links strained by the displacement of the node; by its opposite */
-  PetscReal resistance;   /* 1 / displacement of the node at which its links balance r */
+  PetscReal vertices;       /* vertices of the DM at this node, on all ranks */
+  PetscReal u[3], r[3];     /* free displacements, unbalance B^t tau(u) - F */
+  PetscReal load[3];        /* loads */
+  PetscReal ground[3];      /* springs to the ground */
+  PetscReal stiffness[3];   /* row sums of |B|^t k |B|, at least those of the tangent stiffness */
+  PetscReal rounding[3];    /* rounding of the forces, over eps */
+  PetscReal translation[9]; /* upper bounds of |K t_c|, t_c the translation of all free displacements; in motions */
+  PetscReal tangent[3];     /* |K u| of links that certainly bear; in motions */
+  PetscReal tension;        /* sum of |tau| */
+  PetscReal rigid[3];       /* sum of the forces of rigid links at free components: their self-stress, which is arbitrary, cancels */
+  PetscReal bearing;        /* sum of |tau| of elastic links, plus the norm of rigid[] */
+  PetscReal gaps;           /* rounding of the tensions, gaps included, over eps */
+  PetscReal held, hides;    /* along the displacement of the node: twice u.K u of links that bear; work of their rounding */
+  PetscReal turns;          /* work of tensions with rounded directions along it, over eps */
+  PetscReal slack;          /* minus the work of links whose state is uncertain, to be added to r.u */
+  PetscReal closed[2];      /* number of such links strained by the displacement of the node; by its opposite */
+  PetscReal resistance;     /* 1 / displacement of the node at which its links balance r */
 } LatinNode;
 
 typedef struct {

@@ -41,7 +41,7 @@ typedef struct {
   PetscReal bears, tension;    /* tension, and its absolute value */
   PetscReal gap, ends;         /* |e0|; sum of the absolute displacements of its ends along it: their sum is the magnitude of the rounded numbers */
   PetscReal all;               /* sum of the absolute components of its direction */
-  PetscReal moves;             /* elongation by the free displacements */
+  PetscReal moves[4];          /* elongations by unit translations, and by the free displacements */
   PetscReal certain, possible; /* least and greatest stiffness at an error of the target */
 } LatinNodalLink;
 
@@ -76,7 +76,8 @@ static void LatinNodalGetLink(Latin latin, PetscInt l, PetscScalar *const a[], P
 
     link->all += PetscAbsReal(n[c]);
     link->ends += PetscAbsReal(n[c]) * (PetscAbsScalar(u[dim * to[0]]) + PetscAbsScalar(u[dim * to[1]]));
-    link->moves += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
+    link->moves[c] = n[c] * (open[dim * to[1]] - open[dim * to[0]]);
+    link->moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
   }
   LatinNodalStiffness(structure, target, link);
 }
@@ -148,7 +149,7 @@ static void LatinNodalSum(LatinNodalBalance *balance, const LatinNodalLink *link
   PetscReal missed;
 
   balance->sum.energy += link->k * link->e * link->e;
-  balance->sum.work += link->tension * PetscAbsReal(link->moves);
+  balance->sum.work += link->tension * PetscAbsReal(link->moves[3]);
   if (!link->rigid) return;
   missed       = LatinGapMissed(balance->latin, link);
   balance->gap = PetscMax(balance->gap, missed);
@@ -176,7 +177,8 @@ static void LatinNodalAddEnd(Latin latin, const LatinNodalLink *link, PetscInt e
     at->stiffness[c] += 2.0 * link->possible * cosine * link->all;
     /* a gap exerts no force, and is infinite if a contact is not active in a step */
     at->rounding[c] += cosine * (link->k * (link->ends + (link->rigid ? 0.0 : link->gap)) + (link->rigid || link->law > LATIN_LAW_TANGENT ? link->tension : 0.0));
-    at->tangent[c] += link->certain * cosine * PetscAbsReal(link->moves);
+    for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += link->k * cosine * PetscAbsReal(link->moves[d]);
+    at->tangent[c] += link->certain * cosine * PetscAbsReal(link->moves[3]);
     if (link->rigid) at->rigid[c] += PetscRealPart(a[LATIN_AT_FREE][dim * vertex + c]) * out * link->bears;
     along -= out * r;
     push += PetscSqr(r);
