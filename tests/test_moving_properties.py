@@ -189,6 +189,16 @@ def test_a_mass_between_two_stops():
     assert check_rigid(throw, {"outer_snes_type": "ngmres", "variant": "corner"}, 0)
 
 
+@pytest.mark.parametrize("seeds", [(45, 181), (44, 182), (0, 0), (1, 1), (0, 181)])
+def test_two_masses_in_flight(seeds):
+    """In a long step their masses are soft beside the links between them: translations alone show what is left."""
+    flying = Draw(dim=1, nodes=1, extra=12, parts=5, cut="random", slack=0.0, skeleton=True, settled=False,
+                  prestressed=False, rails=False, length=0, force=0, seed=seeds[0])  # fmt: skip
+    throw = Throw(draw=flying, held=False, rigid=0, rubs=0, massless=False, speed=0, step=2, seed=seeds[1])
+    chosen = {"variant": "macro", "direction": "schur", "modes": "affine", "outer_snes_type": "anderson"}
+    assert check_elastic(throw, chosen, 0) is not False
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("kind", KINDS)
