@@ -379,8 +379,8 @@ static PetscErrorCode LatinTreeApart_Private(ISLocalToGlobalMapping map, PetscIn
 }
 
 /*
-   Sets *pays: whether the tree takes, by prediction, at most LATIN_TREE_LONGER times as long as a factorisation that all ranks share. elements: their
-   number on this rank; number[n]: rows of the part of this rank; there is no matrix yet. Collective on comm
+   Sets *pays: whether the elements of a rank lie together, and the tree takes, by prediction, at most LATIN_TREE_LONGER times as long as a factorisation
+   that all ranks share. elements: their number on this rank; number[n]: rows of the part of this rank; there is no matrix yet. Collective on comm
 */
 PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt elements, PetscInt n, const PetscInt number[], PetscLayout layout, PetscBool *pays)
 {
@@ -390,11 +390,14 @@ PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt elements, PetscInt n, const
 
   PetscFunctionBegin;
   PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_USE_POINTER, &map));
-  PetscCall(LatinTreePlan_Private(map, layout, &tree));
   PetscCall(LatinTreeApart_Private(map, layout->N, elements, &apart));
-  *pays = (PetscBool)(!apart && tree.cost.seconds <= LATIN_TREE_LONGER * tree.cost.shared);
-  PetscCall(PetscInfo(map, "coarse problem, predicted: fronts of the ranks %g s, a factorisation by all ranks %g s\n", (double)tree.cost.seconds, (double)tree.cost.shared));
-  PetscCall(LatinTreeReset_Private(&tree));
+  *pays = (PetscBool)!apart;
+  if (*pays) {
+    PetscCall(LatinTreePlan_Private(map, layout, &tree));
+    *pays = (PetscBool)(tree.cost.seconds <= LATIN_TREE_LONGER * tree.cost.shared);
+    PetscCall(PetscInfo(map, "coarse problem, predicted: fronts of the ranks %g s, a factorisation by all ranks %g s\n", (double)tree.cost.seconds, (double)tree.cost.shared));
+    PetscCall(LatinTreeReset_Private(&tree));
+  }
   PetscCall(ISLocalToGlobalMappingDestroy(&map));
   PetscFunctionReturn(0);
 }
