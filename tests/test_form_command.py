@@ -60,7 +60,7 @@ def test_command_of_natural_lengths_on_ranks(tmp_path, mpirun):
     (("--density", "0"), "all force densities are zero"),
     (("--density", "5", "--density", "6"), "--density 5 and --density 6 are for the same links"),
     (("--density", "net=1", "--density", "edges=3", "--density", "net=2"), "--density net=1 and --density net=2"),
-    (("--density", "5", "--error", "1e-4"), "--error is for natural lengths: give --natural"),
+    (("--density", "5", "--error", "1e-4"), "--error is for natural lengths and forces: give --natural or --force"),
     (("--natural", "-snes_latin_geometry", "linear"), "-snes_latin_geometry linear: forms are found with large"),
     (("--density", "drawn", "--picture", "a.gif"), "cannot write '.gif'"),
     (("--natural",), "all links are slack, and nothing holds a form"),

@@ -69,7 +69,7 @@ def form(
     files = [(None if alone else json_file, None), (picture, (".png", ".pdf", ".svg"))]
     files += [(path, (".vtu", ".npz", ".dxf")) for path in output] + [(path, (".csv",)) for path in csv or ()]
     if error is not None and not natural and not forces:
-        raise ValueError("--error is for natural lengths: give --natural")
+        raise ValueError("--error is for natural lengths and forces: give --natural or --force")
     scene, given = on_root(comm, _prepare, scene, (densities, forces, natural), without_load, files, options)
     given |= {} if error is None else {"error": error}
     with progress(comm, quiet) as say, warnings.catch_warnings():

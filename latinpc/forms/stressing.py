@@ -18,7 +18,10 @@ from .settling import elastic, noticed, settle, shortened, unstable
 STEPS = 40  # most solves: 3 to 9 are usual
 DAMPING = 1e-3  # at the start, of the squares of forces
 LESS, MORE = 0.1, 10.0  # times the damping where the forces come nearer to those given, and where not
-LEAST, MOST = 1e-12, 1e6  # damping; beyond the latter no change of lengths brings them nearer
+LEAST, MOST = (
+    1e-12,
+    1e6,
+)  # damping, from which it grows again in time; beyond the latter no change of lengths brings them nearer
 SETTLED = 1e-4  # error of the displacements of each step, which become small
 STRETCH = 0.1  # strain under a given force, of links without EA
 
@@ -95,11 +98,9 @@ def _corrected(state, force, EA, damping):
     form, cut = state.form, state.natural_length.copy()
     bears = np.isfinite(force) & (state.tensions != 0.0)
     dx, y = _least_squares(state, bears, EA, damping)
-    size = np.ptp(form.nodes, axis=0).max()
-    moved = form.nodes + dx * min(1.0, size / max(abs(dx).max(), 1e-300))  # no node moves by more
     changed = cut * (1.0 + y * cut / np.where(bears, EA * form.lengths, 1.0))
     cut[bears] = np.clip(changed, 0.5 * cut, 2.0 * cut)[bears]
-    form = replace(form, nodes=moved)
+    form = replace(form, nodes=form.nodes + dx)
     slack = np.isfinite(force) & ~bears  # their lengths do not show in any force
     cut[slack] = _cut(form, force, cut, EA)[slack]
     return form, cut
@@ -164,7 +165,10 @@ def _on_nodes(form, pull):
 
 
 def _solved(entries, right, comm):
-    """Solve a symmetric, indefinite system of these entries; zero where it is singular; collective."""
+    """Solve a symmetric, indefinite system of these entries; collective.
+
+    Zero if it is singular: each link is then cut by what its own force misses.
+    """
     A = assembled(*(np.concatenate(values) for values in zip(*entries)), len(right), comm)
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     ksp = PETSc.KSP().create(comm)
@@ -182,15 +186,16 @@ def _solved(entries, right, comm):
 
 
 def _missed(state, force, result):
-    """Return the error where no form has the given forces; it names the link that misses its own by most."""
+    """Return the error where no form has the forces: the link that misses its own by most, or why nothing settles."""
     link = int(abs(state.missed).argmax())
     missed, wanted = (quantity(abs(value), "N") for value in (state.missed[link], force[link]))
     more = "less" if abs(state.tensions[link]) < abs(force[link]) else "more"
-    said = "" if result.converged else f" ({'; '.join([result.reason, *result.notices])})"
+    said = f"in the nearest one link {link} bears {missed} {more} than its {wanted}"
+    if not result.converged:
+        said = "; ".join([result.reason, *result.notices])
     lost = SolveError(
-        f"form finding: no stable form bears these forces{said}: in the nearest one link {link} bears {missed} {more}"
-        f" than its {wanted}. Give fewer links a force, other forces or a larger error, or draw the structure nearer to"
-        " its form"
+        f"form finding: no stable form bears these forces: {said}. Give fewer links a force, other forces or a larger"
+        " error, or draw the structure nearer to its form"
     )
     lost.result = result
     return lost
